@@ -1,0 +1,10 @@
+//! Identification of physical parameters from logs, before the online estimators run.
+//!
+//! ```text
+//! file -> log/ -> problem/ (one per vehicle: rows and constraints) -> solve/ (Clarabel) -> assess/ -> report/
+//!         simulate/ (plants + noise -> logs)                          tune/ (noise by replay)
+//! ```
+
+pub mod log;
+pub mod simulate;
+pub mod vehicle;

@@ -1,0 +1,2 @@
+//! `identify`: fits, tunes, simulates and estimates from logs.
+fn main() {}

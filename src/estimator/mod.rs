@@ -1,0 +1,72 @@
+//! The estimators: each joins one model with one filter and is what users call.
+//!
+//! An [`Estimator`] takes typed, declared [`Variables`] in and out. Everything that a step changes
+//! is one plain [`State`](Estimator::State), so that a host can copy, compare, store and restore it;
+//! restoring a state and repeating the inputs repeats the bytes.
+
+use crate::{ParameterError, Status, Variables};
+use serde::{Serialize, de::DeserializeOwned};
+
+/// An online estimator of one machine.
+pub trait Estimator: Clone {
+    /// Name in camel case, also the FMU's model identifier.
+    const NAME: &'static str;
+    /// What it estimates, in one sentence.
+    const DESCRIPTION: &'static str;
+    /// What is fixed or tuned from outside. Has a variable `sample_period`.
+    type Parameters: Variables + Default;
+    /// What is measured.
+    type Inputs: Variables + Default;
+    /// What is estimated. Has `status`, `healthy` and, for every estimate `x`, `x_std`.
+    type Outputs: Variables + Default;
+    /// Everything that a step changes.
+    type State: Clone + Serialize + DeserializeOwned;
+
+    /// Checks the parameters and builds the estimator in its initial state.
+    fn new(parameters: &Self::Parameters) -> Result<Self, ParameterError>;
+
+    /// Time between two samples, s.
+    fn sample_period(&self) -> f64;
+
+    /// Takes one sample: time update over `dt` seconds since the sample before, then measurement
+    /// update. The first sample after construction has no time update and `dt` is only nominal.
+    ///
+    /// NaN in a measured input is a missing sample; an unusable `dt` changes nothing and says so in
+    /// the status. Never panics, never allocates.
+    fn step(&mut self, inputs: &Self::Inputs, dt: f64) -> Status;
+
+    /// The estimates `ahead >= 0` seconds after the last sample: its posterior, the mean carried
+    /// forward by the model with these inputs held; what has no dynamics is simply held. Before
+    /// the first sample: the initial state.
+    fn outputs(&self, inputs: &Self::Inputs, ahead: f64, outputs: &mut Self::Outputs);
+
+    /// Everything that the steps so far have changed.
+    fn state(&self) -> &Self::State;
+
+    /// Continues from a state of an estimator with equal parameters. Refuses one that cannot come
+    /// from such an estimator (other sizes, values that are not finite) and is then unchanged.
+    fn restore(&mut self, state: &Self::State) -> Result<(), StateError>;
+
+    /// Takes over changed tunable parameters and keeps the state.
+    fn retune(&mut self, parameters: &Self::Parameters) -> Result<(), ParameterError> {
+        let mut tuned = Self::new(parameters)?;
+        if tuned.restore(self.state()).is_ok() {
+            *self = tuned;
+        }
+        Ok(())
+    }
+}
+
+/// A state that cannot be restored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the state does not fit this estimator: {0}")]
+pub struct StateError(pub &'static str);
+
+/// Something to be done with every estimator of this crate; see [`visit_all`].
+pub trait Visitor {
+    /// Called once per estimator.
+    fn visit<E: Estimator + 'static>(&mut self);
+}
+
+/// The one list of estimators: adding one here puts it into the FMU library, the packer and the docs.
+pub fn visit_all(_visitor: &mut impl Visitor) {}

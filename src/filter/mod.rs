@@ -1,0 +1,1 @@
+//! How to estimate: one file per filter. Knows no vehicle.

@@ -1,0 +1,2 @@
+//! Truth to test against: plants that are richer than the estimators' models and share no equation
+//! with them. Knows neither `model` nor `filter`, draws no random numbers: noise comes from outside.

@@ -1,0 +1,331 @@
+//! One declaration per variable: name, unit, start, range and meaning stand once.
+//!
+//! [`variables!`](crate::variables) turns a declaration into a plain struct, and the same
+//! declaration feeds the FMU's `modelDescription.xml`, the parameter files, the README tables and
+//! the range checks. A field whose type is itself a declared struct is a *group*: its variables are
+//! named `group.variable` outside and reached as `group.variable` in Rust.
+//!
+//! ```
+//! use wheelstate::{Variables, choice, variables};
+//!
+//! choice! {
+//!     /// How old samples are forgotten.
+//!     pub enum Law { Fixed = "fixed", Threshold = "threshold" }
+//! }
+//!
+//! variables! {
+//!     /// The machine.
+//!     pub struct Machine {
+//!         /// Mass without load.
+//!         mass: f64 = 160.0, "kg", [1.0, 1e5];
+//!     }
+//! }
+//!
+//! variables! {
+//!     /// All parameters.
+//!     pub struct Parameters {
+//!         /// The machine.
+//!         machine: Machine;
+//!         /// How old samples are forgotten.
+//!         law: Law = Law::Fixed, "1", tunable;
+//!     }
+//! }
+//!
+//! let declared = Parameters::declare();
+//! assert_eq!(declared[0].name, "machine.mass");
+//! assert_eq!(declared[0].description, "Mass without load.");
+//! let mut parameters = Parameters::default();
+//! parameters.machine.mass = -1.0;
+//! let error = parameters.validate().unwrap_err();
+//! assert_eq!(error.to_string(), "machine.mass = -1 kg is outside the allowed range 1..=100000 kg");
+//! ```
+
+/// What a value may be. Every value travels as an `f64` between the estimators and the outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A real number.
+    Real,
+    /// A whole number.
+    Integer,
+    /// 0 or 1.
+    Boolean,
+    /// One of the named choices; the value is the index in this list, from 0.
+    Choice(&'static [&'static str]),
+}
+
+/// The declaration of one variable.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Variable {
+    /// Name with its groups, as in `tire.front.stiffness`.
+    pub name: String,
+    /// What it is, in one sentence or two.
+    pub description: String,
+    /// Unit in the FMI spelling (`N.m`, `m/s2`), `1` if it has none.
+    pub unit: &'static str,
+    /// What its value may be.
+    pub kind: Kind,
+    /// Start value, also the default of a parameter.
+    pub start: f64,
+    /// Smallest and largest allowed value.
+    pub range: (f64, f64),
+    /// A parameter that may change while the estimator runs.
+    pub tunable: bool,
+    /// A measured input, for which NaN says "no sample at this instant".
+    pub measured: bool,
+}
+
+/// A parameter that was refused, with the reason.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{name} = {value}{unit} {reason}", unit = spaced(.unit))]
+pub struct ParameterError {
+    /// Name of the parameter.
+    pub name: String,
+    /// The value that was refused.
+    pub value: f64,
+    /// Unit of the value.
+    pub unit: &'static str,
+    /// What is wrong with it and what would be allowed.
+    pub reason: String,
+}
+
+fn spaced(unit: &str) -> String {
+    if unit == "1" { String::new() } else { format!(" {unit}") }
+}
+
+impl Variable {
+    /// Whether `value` is finite, of this kind and in range.
+    pub fn check(&self, value: f64) -> Result<(), ParameterError> {
+        let (low, high) = self.range;
+        let whole = self.kind == Kind::Real || value.fract() == 0.0;
+        if value >= low && value <= high && value.is_finite() && whole {
+            return Ok(());
+        }
+        let reason = if value.is_nan() {
+            "is not a number".to_owned()
+        } else if !whole {
+            "is not a whole number".to_owned()
+        } else {
+            format!("is outside the allowed range {low}..={high}{}", spaced(self.unit))
+        };
+        Err(self.refuse(value, reason))
+    }
+
+    /// An error about this variable.
+    pub fn refuse(&self, value: f64, reason: impl Into<String>) -> ParameterError {
+        ParameterError { name: self.name.clone(), value, unit: self.unit, reason: reason.into() }
+    }
+}
+
+/// A value or a group of values with a declaration, exchanged as a flat slice of `f64`.
+///
+/// Written by [`variables!`](crate::variables) and [`choice!`](crate::choice).
+pub trait Variables: Clone {
+    /// Number of variables.
+    const COUNT: usize;
+    /// Appends the declarations, `prefix` being the groups around them (`"tire.front."` or empty).
+    fn declare_into(prefix: &str, list: &mut Vec<Variable>);
+    /// Writes the values in the order of the declarations; `flat` has [`COUNT`](Self::COUNT) slots.
+    fn write(&self, flat: &mut [f64]);
+    /// Takes the values in the order of the declarations.
+    fn read(&mut self, flat: &[f64]);
+
+    /// The declarations.
+    fn declare() -> Vec<Variable> {
+        let mut list = Vec::with_capacity(Self::COUNT);
+        Self::declare_into("", &mut list);
+        list
+    }
+
+    /// The values as a vector.
+    fn to_vec(&self) -> Vec<f64> {
+        let mut flat = vec![0.0; Self::COUNT];
+        self.write(&mut flat);
+        flat
+    }
+
+    /// Checks every value against its declaration.
+    fn validate(&self) -> Result<(), ParameterError> {
+        Self::declare().iter().zip(self.to_vec()).try_for_each(|(variable, value)| variable.check(value))
+    }
+
+    /// Sets one variable by its name; an unknown name gives an error that lists the nearest ones.
+    fn set(&mut self, name: &str, value: f64) -> Result<(), ParameterError> {
+        let declared = Self::declare();
+        let Some(index) = declared.iter().position(|variable| variable.name == name) else {
+            let group = name.split('.').next().unwrap_or(name);
+            let near: Vec<_> = declared.iter().map(|v| v.name.as_str()).filter(|n| n.starts_with(group)).collect();
+            let hint = if near.is_empty() { String::new() } else { format!("; there are {}", near.join(", ")) };
+            let reason = format!("is no variable of this machine{hint}");
+            return Err(ParameterError { name: name.to_owned(), value, unit: "1", reason });
+        };
+        declared[index].check(value)?;
+        let mut flat = self.to_vec();
+        flat[index] = value;
+        self.read(&flat);
+        Ok(())
+    }
+}
+
+/// A single value that can stand in a declaration.
+pub trait Value: Copy {
+    /// What the value may be.
+    const KIND: Kind;
+    /// Range of the type itself.
+    const RANGE: (f64, f64);
+    /// As a number.
+    fn to_number(self) -> f64;
+    /// From a number, rounded into the type.
+    fn from_number(number: f64) -> Self;
+}
+
+impl Value for f64 {
+    const KIND: Kind = Kind::Real;
+    const RANGE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
+    fn to_number(self) -> f64 {
+        self
+    }
+    fn from_number(number: f64) -> Self {
+        number
+    }
+}
+
+impl Value for i32 {
+    const KIND: Kind = Kind::Integer;
+    const RANGE: (f64, f64) = (i32::MIN as f64, i32::MAX as f64);
+    fn to_number(self) -> f64 {
+        f64::from(self)
+    }
+    fn from_number(number: f64) -> Self {
+        number.round() as i32
+    }
+}
+
+impl Value for bool {
+    const KIND: Kind = Kind::Boolean;
+    const RANGE: (f64, f64) = (0.0, 1.0);
+    fn to_number(self) -> f64 {
+        f64::from(u8::from(self))
+    }
+    fn from_number(number: f64) -> Self {
+        number >= 0.5
+    }
+}
+
+/// Declares an enumeration whose values have names outside: `pub enum Law { Fixed = "fixed" }`.
+/// The first one is the default.
+#[macro_export]
+macro_rules! choice {
+    ($(#[$meta:meta])* $vis:vis enum $name:ident { $($(#[$inner:meta])* $item:ident = $text:literal),+ $(,)? }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        $vis enum $name { $($(#[$inner])* #[doc = concat!("`", $text, "`")] $item),+ }
+
+        impl $name {
+            const ALL: &'static [Self] = &[$(Self::$item),+];
+        }
+
+        impl $crate::variable::Value for $name {
+            const KIND: $crate::variable::Kind = $crate::variable::Kind::Choice(&[$($text),+]);
+            const RANGE: (f64, f64) = (0.0, (Self::ALL.len() - 1) as f64);
+            fn to_number(self) -> f64 {
+                self as usize as f64
+            }
+            fn from_number(number: f64) -> Self {
+                Self::ALL[(number.max(0.0) as usize).min(Self::ALL.len() - 1)]
+            }
+        }
+    };
+}
+
+/// Declares a struct of variables and groups; the module's page has an example.
+///
+/// A variable is `name: type = start, "unit", [low, high], flags;` below its description, in which
+/// the range may be left out and the flags are `tunable` (a parameter that may change while running)
+/// and `measured` (an input for which NaN says "no sample"). A group is `name: Type;`.
+#[macro_export]
+macro_rules! variables {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident {
+        $($(#[doc = $doc:literal])+ $field:ident : $type:ty
+            $(= $start:expr, $unit:literal $(, [$low:expr, $high:expr])? $(, $flag:ident)*)? ;)+
+    }) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq)]
+        $vis struct $name { $($(#[doc = $doc])+ pub $field: $type),+ }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($field: $crate::variables!(@default $type $(, $start)?)),+ }
+            }
+        }
+
+        impl $crate::variable::Variables for $name {
+            const COUNT: usize = 0 $(+ $crate::variables!(@count $type $(, $unit)?))+;
+
+            fn declare_into(prefix: &str, list: &mut Vec<$crate::variable::Variable>) {
+                $($crate::variables!(@declare prefix, list, $field, $type, concat!($($doc),+)
+                    $(, $start, $unit, [$($low, $high)?], [$($flag)*])?);)+
+            }
+
+            fn write(&self, flat: &mut [f64]) {
+                let mut rest = flat;
+                $($crate::variables!(@write rest, self.$field, $type $(, $unit)?);)+
+                debug_assert!(rest.is_empty());
+            }
+
+            fn read(&mut self, flat: &[f64]) {
+                let mut rest = flat;
+                $($crate::variables!(@read rest, self.$field, $type $(, $unit)?);)+
+                debug_assert!(rest.is_empty());
+            }
+        }
+    };
+
+    // The rest tells a group (no start value) from a variable.
+    (@default $type:ty) => { <$type>::default() };
+    (@default $type:ty, $start:expr) => { $start };
+    (@count $type:ty) => { <$type as $crate::variable::Variables>::COUNT };
+    (@count $type:ty, $unit:literal) => { 1 };
+
+    (@declare $prefix:ident, $list:ident, $field:ident, $type:ty, $doc:expr) => {
+        let prefix = format!("{}{}.", $prefix, stringify!($field));
+        <$type as $crate::variable::Variables>::declare_into(&prefix, $list);
+    };
+    (@declare $prefix:ident, $list:ident, $field:ident, $type:ty, $doc:expr,
+        $start:expr, $unit:literal, [$($low:expr, $high:expr)?], [$($flag:ident)*]) => {
+        #[allow(unused_mut)]
+        let mut variable = $crate::variable::Variable {
+            name: format!("{}{}", $prefix, stringify!($field)),
+            description: $doc.trim().to_owned(),
+            unit: $unit,
+            kind: <$type as $crate::variable::Value>::KIND,
+            start: <$type as $crate::variable::Value>::to_number($start),
+            range: <$type as $crate::variable::Value>::RANGE,
+            tunable: false,
+            measured: false,
+        };
+        $(variable.range = ($low as f64, $high as f64);)?
+        $(variable.$flag = true;)*
+        $list.push(variable);
+    };
+
+    (@write $rest:ident, $value:expr, $type:ty) => {
+        let (head, tail) = $rest.split_at_mut(<$type as $crate::variable::Variables>::COUNT);
+        <$type as $crate::variable::Variables>::write(&$value, head);
+        $rest = tail;
+    };
+    (@write $rest:ident, $value:expr, $type:ty, $unit:literal) => {
+        let (head, tail) = $rest.split_at_mut(1);
+        head[0] = <$type as $crate::variable::Value>::to_number($value);
+        $rest = tail;
+    };
+    (@read $rest:ident, $value:expr, $type:ty) => {
+        let (head, tail) = $rest.split_at(<$type as $crate::variable::Variables>::COUNT);
+        <$type as $crate::variable::Variables>::read(&mut $value, head);
+        $rest = tail;
+    };
+    (@read $rest:ident, $value:expr, $type:ty, $unit:literal) => {
+        let (head, tail) = $rest.split_at(1);
+        $value = <$type as $crate::variable::Value>::from_number(head[0]);
+        $rest = tail;
+    };
+}
