@@ -6,5 +6,8 @@
 //! ```
 
 pub mod log;
+pub mod progress;
+pub mod report;
+pub mod request;
 pub mod simulate;
 pub mod vehicle;

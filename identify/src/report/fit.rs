@@ -1,0 +1,250 @@
+//! The result of a fit or of a tuning: what `fit.json` and `tune.json` hold.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Version of the file format; readers refuse a newer one.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// A whole result. Serialised it is `fit.json`; numbers that are not finite are written as `null`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FitReport {
+    /// Always [`FORMAT_VERSION`] when written by this program.
+    pub format_version: u32,
+    /// The vehicle's name on the command line, as `nursing-robot`.
+    pub vehicle: String,
+    /// The fitted parameters by their FMU names.
+    pub parameters: BTreeMap<String, Parameter>,
+    /// Covariance of the fitted parameters, if there is one.
+    #[serde(default)]
+    pub covariance: Option<Covariance>,
+    /// The two parameters that the data tell apart worst.
+    #[serde(default)]
+    pub correlation_worst_pair: Option<CorrelationPair>,
+    /// Condition number of the regressor with columns of unit length (the worst block, if several).
+    #[serde(default, with = "maybe")]
+    pub condition_number: f64,
+    /// `ls`, `huber` or `l1`; the objective for a tuning.
+    pub loss: String,
+    /// Number of windows (regression rows) that entered the fit.
+    #[serde(default)]
+    pub windows_used: usize,
+    /// How well the fit predicts the part of the logs that it has not seen.
+    #[serde(default)]
+    pub validation: Validation,
+    /// The logs that were read.
+    pub logs: Vec<LogEntry>,
+    /// What the solver said, as `Solved`.
+    #[serde(default)]
+    pub solver_status: String,
+    /// What the user must know before using the result; not empty means exit code 1.
+    #[serde(default)]
+    pub warnings: Vec<String>,
+    /// What is good to know and no reason to worry.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
+    /// Known values that the fit relied on (`--set`, `--params`), by their FMU names.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub settings: BTreeMap<String, f64>,
+    /// Measured and predicted signals of the held-out part, for the HTML report only.
+    #[serde(skip)]
+    pub traces: Vec<Trace>,
+}
+
+/// One fitted parameter.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Parameter {
+    /// Fitted value.
+    #[serde(with = "maybe")]
+    pub value: f64,
+    /// Unit in the FMI spelling, `1` if it has none.
+    pub unit: String,
+    /// Standard deviation of the value; NaN if unknown.
+    #[serde(with = "maybe")]
+    pub std_error: f64,
+    /// 95 % confidence interval `[low, high]`.
+    #[serde(with = "maybe_pair")]
+    pub ci95: [f64; 2],
+    /// The data determine this parameter well enough to be used.
+    pub identified: bool,
+    /// The value sits at a bound of what is physically allowed.
+    pub at_bound: bool,
+    /// The same judgement with more shades.
+    #[serde(default)]
+    pub verdict: Verdict,
+    /// The value that the fit started from or that holds without this fit, if known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<f64>,
+}
+
+/// How far the data determine a parameter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Determined by the data.
+    #[default]
+    Identified,
+    /// Seen by the data, but too uncertain or too entangled with another parameter to be used.
+    Weak,
+    /// The data say nothing about it.
+    NotIdentifiable,
+    /// Pushed against a physical bound: model and data disagree.
+    AtBound,
+}
+
+impl Verdict {
+    /// The words of the table.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Identified => "identified",
+            Self::Weak => "weak",
+            Self::NotIdentifiable => "not identifiable",
+            Self::AtBound => "at bound",
+        }
+    }
+}
+
+impl Parameter {
+    /// Value over standard error: how many standard errors away from zero.
+    pub fn t_ratio(&self) -> f64 {
+        self.value / self.std_error
+    }
+}
+
+/// A covariance matrix with the names of its rows and columns.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Covariance {
+    /// Parameter of each row and column.
+    pub parameters: Vec<String>,
+    /// Rows, in the product of the parameters' units.
+    #[serde(with = "maybe_matrix")]
+    pub matrix: Vec<Vec<f64>>,
+}
+
+/// Two parameters and the correlation of their estimates.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CorrelationPair {
+    /// The two names.
+    pub parameters: [String; 2],
+    /// Their correlation, -1 to 1.
+    #[serde(with = "maybe")]
+    pub correlation: f64,
+}
+
+/// Prediction of the part of the logs that the fit has not seen.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Validation {
+    /// Share of each log that was held out, 0 to 1.
+    #[serde(with = "maybe")]
+    pub held_out: f64,
+    /// One entry per predicted signal.
+    pub signals: Vec<SignalFit>,
+}
+
+/// How well one signal is predicted.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SignalFit {
+    /// The channel, or what the regression rows stand for (`pitch moment`).
+    pub name: String,
+    /// Unit of the errors.
+    pub unit: String,
+    /// Samples or windows compared.
+    pub samples: usize,
+    /// Root mean square of the prediction error.
+    #[serde(with = "maybe")]
+    pub rmse: f64,
+    /// 100 % means a perfect prediction, 0 % one that is no better than the mean:
+    /// `100 (1 - ||measured - predicted|| / ||measured - mean||)`.
+    #[serde(with = "maybe")]
+    pub fit_percent: f64,
+    /// The same figure on the part that was fitted; much better than `fit_percent` means over-fitting.
+    #[serde(default, with = "maybe")]
+    pub fit_percent_training: f64,
+    /// Autocorrelation of the residual at the lag of one independent sample; near 0 if only noise is left.
+    #[serde(default, with = "maybe")]
+    pub residual_correlation: f64,
+}
+
+/// A log that was read.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LogEntry {
+    /// Path as given.
+    pub file: String,
+    /// SHA-256 of the file's bytes, hexadecimal; of the samples if it never was a file.
+    pub sha256: String,
+    /// Number of samples.
+    pub samples: usize,
+}
+
+/// One measured signal with its prediction.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Trace {
+    /// What it is, as `body pitch`.
+    pub name: String,
+    /// Unit of both.
+    pub unit: String,
+    /// The log it comes from.
+    pub log: String,
+    /// Times, s.
+    pub time: Vec<f64>,
+    /// Measured values; NaN if missing.
+    pub measured: Vec<f64>,
+    /// Predicted values.
+    pub predicted: Vec<f64>,
+}
+
+impl FitReport {
+    /// Whether the user must be told something: the condition of exit code 1.
+    pub fn has_warnings(&self) -> bool {
+        !self.warnings.is_empty() || self.parameters.values().any(|p| !p.identified || p.at_bound)
+    }
+
+    /// Parameters that may be used as start values of an estimator.
+    pub fn identified(&self) -> impl Iterator<Item = (&str, &Parameter)> {
+        self.parameters.iter().filter(|(_, p)| p.identified).map(|(name, p)| (name.as_str(), p))
+    }
+
+    /// The file's text, ending in a new line.
+    pub fn to_json(&self) -> Result<String, serde_json::Error> {
+        serde_json::to_string_pretty(self).map(|text| text + "\n")
+    }
+}
+
+/// Numbers that may be NaN or infinite are `null` in JSON and NaN when read back.
+mod maybe {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+        value.is_finite().then_some(*value).serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+        Ok(Option::<f64>::deserialize(from)?.unwrap_or(f64::NAN))
+    }
+}
+
+mod maybe_pair {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(pair: &[f64; 2], to: S) -> Result<S::Ok, S::Error> {
+        pair.map(|value| value.is_finite().then_some(value)).serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 2], D::Error> {
+        Ok(<[Option<f64>; 2]>::deserialize(from)?.map(|value| value.unwrap_or(f64::NAN)))
+    }
+}
+
+mod maybe_matrix {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(rows: &[Vec<f64>], to: S) -> Result<S::Ok, S::Error> {
+        let finite = |row: &Vec<f64>| row.iter().map(|v| v.is_finite().then_some(*v)).collect::<Vec<_>>();
+        rows.iter().map(finite).collect::<Vec<_>>().serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Vec<f64>>, D::Error> {
+        let rows = Vec::<Vec<Option<f64>>>::deserialize(from)?;
+        Ok(rows.into_iter().map(|row| row.into_iter().map(|v| v.unwrap_or(f64::NAN)).collect()).collect())
+    }
+}
