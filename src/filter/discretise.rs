@@ -1,0 +1,33 @@
+//! From continuous to discrete time.
+
+use nalgebra::{SMatrix, SVector};
+
+/// One classical Runge-Kutta step of `x' = derivative(x)` over `dt`.
+pub fn runge_kutta<const N: usize>(
+    x: &SVector<f64, N>,
+    dt: f64,
+    derivative: impl Fn(&SVector<f64, N>) -> SVector<f64, N>,
+) -> SVector<f64, N> {
+    let k1 = derivative(x);
+    let k2 = derivative(&(x + k1 * (0.5 * dt)));
+    let k3 = derivative(&(x + k2 * (0.5 * dt)));
+    let k4 = derivative(&(x + k3 * dt));
+    x + (k1 + (k2 + k3) * 2.0 + k4) * (dt / 6.0)
+}
+
+/// Transition matrix to second order: `I + A + A^2/2` with `A = F dt`.
+pub fn transition<const N: usize>(jacobian: &SMatrix<f64, N, N>, dt: f64) -> SMatrix<f64, N, N> {
+    let a = jacobian * dt;
+    SMatrix::identity() + a + a * a * 0.5
+}
+
+/// Noise of a pair (position, rate) driven by white noise of power spectral density `density` over
+/// `dt`: the variance of the position, their covariance, and the variance of the rate.
+pub fn white_rate_noise(density: f64, dt: f64) -> (f64, f64, f64) {
+    (density * dt * dt * dt / 3.0, density * dt * dt / 2.0, density * dt)
+}
+
+/// Number of equal steps that divide `dt` into pieces of at most `longest`.
+pub fn substeps(dt: f64, longest: f64) -> usize {
+    (dt / longest - 1e-9).ceil().max(1.0) as usize
+}

@@ -1,0 +1,192 @@
+//! The chair with the direction of gravity as state: no singular pose, no known contour line.
+//!
+//! `x = [s, psi, v, r, gx, gy, wp, wr]` with `gx = sin(alpha) sin(xi)` and `gy = cos(alpha) sin(xi)`,
+//! the uphill share of "up" along the body's x and y axes, `psi` the yaw angle since the encoders'
+//! zero, `wp` the nose-up rate and `wr` the roll rate that the ground gives the chair. Heading and
+//! slope follow as `alpha = atan2(gx, gy)` and `xi = asin |(gx, gy)| >= 0`, so that a chair whose
+//! direction to the contour line is unknown needs no initial heading. On flat ground `alpha` has no
+//! meaning and its standard deviation says so.
+
+use super::motion::{acceleration_partials, accelerations};
+use super::{Chair, Command, Output};
+use nalgebra::{Matrix2, SMatrix, SVector, Vector3};
+use std::f64::consts::PI;
+
+/// State `[s, psi, v, r, gx, gy, wp, wr]`.
+pub type State = SVector<f64, 8>;
+
+/// Index of the distance, m.
+pub const S: usize = 0;
+/// Index of the yaw angle, rad.
+pub const PSI: usize = 1;
+/// Index of the speed, m/s.
+pub const V: usize = 2;
+/// Index of the yaw rate, rad/s.
+pub const R: usize = 3;
+/// Index of the share of "up" along x, 1.
+pub const GX: usize = 4;
+/// Index of the share of "up" along y, 1.
+pub const GY: usize = 5;
+/// Index of the nose-up rate, rad/s.
+pub const WP: usize = 6;
+/// Index of the roll rate, rad/s.
+pub const WR: usize = 7;
+
+/// Share of "up" along the normal; a state beyond the unit circle counts as standing on end.
+fn normal_share(x: &State) -> f64 {
+    (1.0 - x[GX] * x[GX] - x[GY] * x[GY]).max(1e-6).sqrt()
+}
+
+fn motion(chair: &Chair, x: &State, u: &Command, still: bool) -> (f64, f64) {
+    if still { (0.0, 0.0) } else { accelerations(chair, x[V], x[R], [x[GX], x[GY], normal_share(x)], u) }
+}
+
+/// Gradients of `v'` and `r'` over `[v, r, gx, gy]`.
+fn motion_gradients(chair: &Chair, x: &State, still: bool) -> [[f64; 4]; 2] {
+    if still {
+        return [[0.0; 4]; 2];
+    }
+    let gz = normal_share(x);
+    acceleration_partials(chair, x[V], x[R], gz)
+        .map(|[v, r, gx, gy, along_z]| [v, r, gx - along_z * x[GX] / gz, gy - along_z * x[GY] / gz])
+}
+
+/// `x' = f(x, u)`: `s' = v + renc wp`, `psi' = r`, `gx' = r gy + gz wp`, `gy' = gz wr - r gx`, the
+/// rates `wp`, `wr` constant, `v'` and `r'` as in [`super::derivative`].
+pub fn derivative(chair: &Chair, x: &State, u: &Command, still: bool) -> State {
+    let gz = normal_share(x);
+    let (v_dot, r_dot) = motion(chair, x, u, still);
+    let gx_dot = x[R] * x[GY] + gz * x[WP];
+    let gy_dot = gz * x[WR] - x[R] * x[GX];
+    State::from([x[V] + chair.pitch_travel * x[WP], x[R], v_dot, r_dot, gx_dot, gy_dot, 0.0, 0.0])
+}
+
+/// Jacobian of [`derivative`].
+pub fn jacobian(chair: &Chair, x: &State, still: bool) -> SMatrix<f64, 8, 8> {
+    let gz = normal_share(x);
+    let mut jacobian = SMatrix::<f64, 8, 8>::zeros();
+    jacobian[(S, V)] = 1.0;
+    jacobian[(S, WP)] = chair.pitch_travel;
+    jacobian[(PSI, R)] = 1.0;
+    for (row, gradient) in [V, R].into_iter().zip(motion_gradients(chair, x, still)) {
+        for (column, value) in [V, R, GX, GY].into_iter().zip(gradient) {
+            jacobian[(row, column)] = value;
+        }
+    }
+    jacobian[(GX, R)] = x[GY];
+    jacobian[(GX, GX)] = -x[GX] / gz * x[WP];
+    jacobian[(GX, GY)] = x[R] - x[GY] / gz * x[WP];
+    jacobian[(GX, WP)] = gz;
+    jacobian[(GY, R)] = -x[GX];
+    jacobian[(GY, GX)] = -x[R] - x[GX] / gz * x[WR];
+    jacobian[(GY, GY)] = -x[GY] / gz * x[WR];
+    jacobian[(GY, WR)] = gz;
+    jacobian
+}
+
+/// `y = h(x, u)`: as [`super::output`] for a strapped-down gyro and a rigid body, with the body rates
+/// `p = wr`, `q = -wp` and the second row `alpha_enc = psi`.
+pub fn output(chair: &Chair, x: &State, u: &Command, still: bool) -> Output {
+    let (v_dot, r_dot) = motion(chair, x, u, still);
+    let (v, r, p, q, g) = (x[V], x[R], x[WR], -x[WP], chair.gravity);
+    let [dx, dy, dz] = chair.lever;
+    Output::new(
+        x[S] - chair.reference_offset() * (x[PSI] - chair.heading_reference),
+        x[PSI],
+        x[WP],
+        v_dot + g * x[GX] - dy * r_dot + p * q * dy - dx * (q * q + r * r),
+        v * r + g * x[GY] + dx * r_dot + p * q * dx - dy * (p * p + r * r),
+        g * normal_share(x) - v * q + 2.0 * r * (p * dx + q * dy) - dz * (p * p + q * q),
+    )
+}
+
+/// Jacobian of [`output`].
+pub fn output_jacobian(chair: &Chair, x: &State, still: bool) -> SMatrix<f64, 6, 8> {
+    let [v_gradient, r_gradient] = motion_gradients(chair, x, still);
+    let (v, r, p, q, g, gz) = (x[V], x[R], x[WR], -x[WP], chair.gravity, normal_share(x));
+    let [dx, dy, dz] = chair.lever;
+    let mut jacobian = SMatrix::<f64, 6, 8>::zeros();
+    jacobian[(0, S)] = 1.0;
+    jacobian[(0, PSI)] = -chair.reference_offset();
+    jacobian[(1, PSI)] = 1.0;
+    jacobian[(2, WP)] = 1.0;
+    for (k, column) in [V, R, GX, GY].into_iter().enumerate() {
+        jacobian[(3, column)] = v_gradient[k] - dy * r_gradient[k];
+        jacobian[(4, column)] = dx * r_gradient[k];
+    }
+    jacobian[(3, R)] -= 2.0 * dx * r;
+    jacobian[(3, GX)] += g;
+    jacobian[(3, WP)] = -p * dy + 2.0 * dx * q;
+    jacobian[(3, WR)] = q * dy;
+    jacobian[(4, V)] += r;
+    jacobian[(4, R)] += v - 2.0 * dy * r;
+    jacobian[(4, GY)] += g;
+    jacobian[(4, WP)] = -p * dx;
+    jacobian[(4, WR)] = q * dx - 2.0 * dy * p;
+    jacobian[(5, V)] = -q;
+    jacobian[(5, R)] = 2.0 * (p * dx + q * dy);
+    jacobian[(5, GX)] = -g * x[GX] / gz;
+    jacobian[(5, GY)] = -g * x[GY] / gz;
+    jacobian[(5, WP)] = v - 2.0 * r * dy + 2.0 * dz * q;
+    jacobian[(5, WR)] = 2.0 * r * dx - 2.0 * dz * p;
+    jacobian
+}
+
+/// What `wp'` and `wr'` add to the accelerometer per rad/s^2, m; the model leaves both to the noise.
+pub fn tilt_levers(chair: &Chair) -> [Vector3<f64>; 2] {
+    let [dx, dy, dz] = chair.lever;
+    [Vector3::new(-dz, 0.0, dx), Vector3::new(0.0, -dz, dy)]
+}
+
+/// Heading, slope, slope rate and pitch with their standard deviations, by the delta method.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Attitude {
+    /// Heading against the contour line, rad, in (-pi, pi].
+    pub heading: f64,
+    /// Its standard deviation, at most `pi / sqrt(3)`: that of a heading of which nothing is known.
+    pub heading_std: f64,
+    /// Slope, rad, not negative.
+    pub slope: f64,
+    /// Its standard deviation.
+    pub slope_std: f64,
+    /// Rate of the slope, rad/s.
+    pub slope_rate: f64,
+    /// Its standard deviation.
+    pub slope_rate_std: f64,
+    /// Nose-up pitch, rad.
+    pub pitch: f64,
+    /// Its standard deviation.
+    pub pitch_std: f64,
+}
+
+/// Attitude from the mean and the covariance of the state.
+///
+/// Where the slope is smaller than its own uncertainty the delta method would divide by zero; there
+/// the heading counts as unknown and every direction of the tilt counts for the slope.
+pub fn attitude(x: &State, covariance: &SMatrix<f64, 8, 8>) -> Attitude {
+    let block = covariance.fixed_view::<2, 2>(GX, GX).into_owned();
+    let rates = covariance.fixed_view::<2, 2>(WP, WP).into_owned();
+    let (gx, gy) = (x[GX], x[GY]);
+    let tilt = gx.hypot(gy).min(1.0);
+    let cosine = (1.0 - tilt * tilt).max(1e-6).sqrt();
+    let spread = block.trace();
+    let unknown = PI / 3.0_f64.sqrt();
+    let quadratic =
+        |m: &Matrix2<f64>, a: f64, b: f64| (a * a * m[(0, 0)] + 2.0 * a * b * m[(0, 1)] + b * b * m[(1, 1)]).max(0.0);
+    // Unit vector along the tilt; any direction will do on flat ground.
+    let (ux, uy) = if tilt > 1e-12 { (gx / tilt, gy / tilt) } else { (1.0, 0.0) };
+    let across = quadratic(&block, uy, -ux);
+    let flat = tilt * tilt <= spread;
+    let rate_spread = rates.trace();
+    let slope_rate_variance = quadratic(&rates, ux, uy) + if flat { rate_spread } else { 0.0 };
+    Attitude {
+        heading: if tilt > 1e-12 { gx.atan2(gy) } else { 0.0 },
+        heading_std: (across.sqrt() / tilt.max(1e-12)).min(unknown),
+        slope: tilt.asin(),
+        slope_std: if flat { spread.sqrt() } else { quadratic(&block, ux, uy).sqrt() / cosine },
+        slope_rate: ux * x[WP] + uy * x[WR],
+        slope_rate_std: slope_rate_variance.sqrt(),
+        pitch: gx.clamp(-1.0, 1.0).asin(),
+        pitch_std: (block[(0, 0)].max(0.0) / (1.0 - gx * gx).max(1e-6)).sqrt(),
+    }
+}

@@ -1,0 +1,199 @@
+//! A wheelchair with power assistance on a slope: motion, sensors and their Jacobians.
+//!
+//! Source: S. Oh and Y. Hori, *Development of an Extended Operational States Observer of a Power
+//! Assist Wheelchair*, equations (1)-(20) and (44)-(45), with the corrections listed below.
+//!
+//! # Frames and signs
+//! The slope is a plane with the horizontal contour line `e_h`, the uphill direction `e_u` and the
+//! outward normal `e_n = e_h x e_u`; `xi` is its tilt, positive uphill. The body frame sits at the
+//! midpoint C of the driven rear axle: x forward `= cos(alpha) e_h + sin(alpha) e_u`, y left, z along
+//! `e_n`. The heading `alpha` counts counter-clockwise: `pi/2` climbs straight, 0 runs along the
+//! contour with uphill on the left. Up in body axes is `(sin(alpha) sin(xi), cos(alpha) sin(xi),
+//! cos(xi))`, so the nose-up pitch obeys `sin(phi) = sin(alpha) sin(xi)` (eq. 1). While only `alpha`
+//! and `xi` change, the body turns with `p = w cos(alpha)`, `q = -w sin(alpha)`, `r = alpha'`,
+//! where `w = xi'`. `(alpha, xi, w) -> (alpha + pi, -xi, -w)` describes the same pose.
+//!
+//! State `x = [s, alpha, v, r, xi, w]` (m, rad, m/s, rad/s, rad, rad/s), command `u = [u_f, u_r]`
+//! (N, N m), measurement `y = [s_enc, alpha_enc, gyro, a_x, a_y, a_z]`; the gyro is positive nose-up
+//! and the accelerometer reads specific force: `(0, 0, +g)` at rest on flat ground.
+//!
+//! # Errata of the source
+//! | equation | printed | correct | reason |
+//! |---|---|---|---|
+//! | (2) | `phi' = asin(..)` | `phi = asin(sin(alpha) sin(xi))` | dimension |
+//! | (3) as gyro | `r cos(alpha) sin(xi) + w sin(alpha) cos(xi)` | `w sin(alpha)` | (3) is `d sin(phi)/dt`, an Euler rate; a strapped-down gyro across the axle reads nothing while the chair turns on a slope at rest |
+//! | (5), (20) | `M x3 x4` | `x3 x4` | force in place of acceleration |
+//! | (6) | `a_z = g cos(xi)` | `- v q` and lever terms | the plane tilts under the moving chair |
+//! | (7), (8) | `m alpha'^2 Delta` | `alpha'^2 Delta` | dimension; `Delta_x = -dy`, `Delta_y = -dx`: the index names the axis crosswise |
+//! | (9), (10) | no sides | `r1` right, `r2` left; (10) needs a constant | (10) counts from the encoders' zero |
+//! | (11), (12) to (17) | `I`, constant `B` | `Ic + M l^2`, `B + M l v` | no side slip of the driven axle |
+//! | (16) | `x_l' = ..` | `x_l'' = ..` | misprint |
+//! | (19) row 4 | `E/T`, `M/T g ..` | `B/I`, `M g l/I` | misprint, lever lost |
+//! | (20) rows 4, 5 | `m_acc d x4^2` | `-dx x4^2`, `-dy x4^2` and `r'` terms | dimension |
+//! | (28)-(30) | `K R K(t)` | `K R K^T` | misprint |
+//! | (39), (43) | `G V G^T`, (44) used as printed | `Phi P Phi^T + Q`, `Phi = I + F dt + ..` | (44) is the continuous Jacobian |
+//! | (44) | `M/I g sin sin` | `M g l/I sin sin` | lever lost; the sign is right |
+//! | (45) | `M x4`, `M x3`, row 7 | `x4`, `x3`, no row 7 | there are six outputs |
+//!
+//! The climbing pose `pi/2` is an unstable point of the heading: gravity turns the nose downhill.
+//!
+//! # What is neglected
+//! The tilt of the plane changes slowly (its rate does not drive `v'` and `r'`), the driven axle
+//! does not slip sideways, and `xi''` enters the accelerometer only as noise ([`tilt_lever`]).
+
+mod biased;
+mod encoder;
+pub mod gravity;
+mod motion;
+mod sensors;
+
+pub use biased::{
+    BiasedState, acceleration_driven, acceleration_driven_jacobian, biased_derivative, biased_jacobian, biased_output,
+    biased_output_jacobian,
+};
+pub use encoder::{Unwrapper, wheel_angles, wheel_travel};
+pub use motion::{derivative, jacobian};
+pub use sensors::{encoder_covariance, output, output_jacobian, pitch, pitch_gradient, tilt_lever};
+
+use nalgebra::{SMatrix, SVector};
+
+/// State `[s, alpha, v, r, xi, w]`.
+pub type State = SVector<f64, 6>;
+/// Command `[u_f, u_r]`: drive force along the heading, N, and drive moment about the normal, N m.
+pub type Command = SVector<f64, 2>;
+/// Measurement `[s_enc, alpha_enc, gyro, a_x, a_y, a_z]`.
+pub type Output = SVector<f64, 6>;
+
+/// Index of the distance travelled by the axle's midpoint, m.
+pub const S: usize = 0;
+/// Index of the heading, rad.
+pub const ALPHA: usize = 1;
+/// Index of the speed, m/s.
+pub const V: usize = 2;
+/// Index of the yaw rate, rad/s.
+pub const R: usize = 3;
+/// Index of the slope, rad.
+pub const XI: usize = 4;
+/// Index of the slope's rate, rad/s.
+pub const W: usize = 5;
+
+/// Equations of motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dynamics {
+    /// The source's equations (16)-(19), corrected.
+    Paper,
+    /// Newton-Euler without side slip, with rolling resistance, yaw friction and wheel inertia.
+    Full,
+}
+
+/// What the pitch gyro reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gyro {
+    /// A gyro strapped down along the axle: `w sin(alpha)`.
+    Body,
+    /// The source's equation (3), the rate of `sin(phi)`.
+    Paper,
+    /// The rate of the pitch angle, `d phi/dt`.
+    Euler,
+}
+
+/// What the accelerometer reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Accelerometer {
+    /// The source's equation (20), corrected, without `r'` and `w` terms.
+    Paper,
+    /// A point of a rigid body.
+    Rigid,
+}
+
+/// What is fixed about a chair with its user.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chair {
+    /// Mass of chair and user, kg [M].
+    pub mass: f64,
+    /// Yaw inertia about the centre of mass, kg m^2 [Ic].
+    pub yaw_inertia: f64,
+    /// Centre of mass ahead of the driven axle, m [l].
+    pub com_ahead: f64,
+    /// Viscous drag, N s/m [D].
+    pub drag: f64,
+    /// Viscous yaw drag, N m s/rad [B].
+    pub yaw_drag: f64,
+    /// Rolling resistance coefficient, 1 [crr].
+    pub rolling_coefficient: f64,
+    /// Speed at which rolling resistance is at tanh(1) of its value, m/s [vs].
+    pub smoothing_speed: f64,
+    /// Dry yaw friction, N m [tauc].
+    pub yaw_friction: f64,
+    /// Yaw rate at which dry yaw friction is at tanh(1) of its value, rad/s [ws].
+    pub smoothing_yaw_rate: f64,
+    /// Mass equivalent of the spinning wheels, kg [mrot].
+    pub rotating_mass: f64,
+    /// Yaw inertia equivalent of the spinning wheels, kg m^2 [irot].
+    pub rotating_inertia: f64,
+    /// Gravity, m/s^2.
+    pub gravity: f64,
+    /// Accelerometer position in the body frame, m [dx, dy, dz].
+    pub lever: [f64; 3],
+    /// Radius of the driven wheels, m.
+    pub wheel_radius: f64,
+    /// Encoder reference point to the right wheel, m [r1].
+    pub to_right: f64,
+    /// Encoder reference point to the left wheel, m [r2].
+    pub to_left: f64,
+    /// Heading at which both encoders read zero, rad.
+    pub heading_reference: f64,
+    /// Encoder travel per radian of body pitch, m: the wheel radius if the encoders count rotation
+    /// relative to the frame, 0 if relative to the ground [renc].
+    pub pitch_travel: f64,
+    /// Equations of motion.
+    pub dynamics: Dynamics,
+    /// What the gyro reads.
+    pub gyro: Gyro,
+    /// What the accelerometer reads.
+    pub accelerometer: Accelerometer,
+}
+
+impl Chair {
+    /// Distance between the driven wheels, m [T].
+    pub fn track(&self) -> f64 {
+        self.to_right + self.to_left
+    }
+
+    /// Encoder reference point to the left of the axle's midpoint, m [yP].
+    pub fn reference_offset(&self) -> f64 {
+        0.5 * (self.to_right - self.to_left)
+    }
+
+    /// Inertial mass along the heading, kg [M + mrot].
+    fn inertial_mass(&self) -> f64 {
+        match self.dynamics {
+            Dynamics::Paper => self.mass,
+            Dynamics::Full => self.mass + self.rotating_mass,
+        }
+    }
+
+    /// Yaw inertia about the driven axle, kg m^2 [IP + irot, IP = Ic + M l^2].
+    fn inertia_at_axle(&self) -> f64 {
+        let about_axle = self.yaw_inertia + self.mass * self.com_ahead * self.com_ahead;
+        match self.dynamics {
+            Dynamics::Paper => about_axle,
+            Dynamics::Full => about_axle + self.rotating_inertia,
+        }
+    }
+}
+
+/// `v'` and `r'` with their gradients over `[alpha, v, r, xi]`; what motion and sensors share.
+#[derive(Clone, Copy, Debug, Default)]
+struct Accelerations {
+    v_dot: f64,
+    r_dot: f64,
+    /// Columns of the state: alpha, v, r, xi.
+    v_gradient: [f64; 4],
+    r_gradient: [f64; 4],
+}
+
+/// Columns of the state that [`Accelerations`] depend on.
+const COLUMNS: [usize; 4] = [ALPHA, V, R, XI];
+
+type Jacobian = SMatrix<f64, 6, 6>;

@@ -1,0 +1,38 @@
+//! The chairs of the reference vectors.
+
+use super::support::vector_text;
+use wheelstate::model::wheelchair::{Accelerometer, Chair, Dynamics, Gyro};
+
+/// A parameter set of `params.json` by its name.
+pub fn reference_chair(variant: &str) -> Chair {
+    let all: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/params.json")).unwrap();
+    let p = &all["params"][variant];
+    let number = |name: &str| p[name].as_f64().unwrap_or_else(|| panic!("no {name} in {variant}"));
+    Chair {
+        mass: number("M"),
+        yaw_inertia: number("Ic"),
+        com_ahead: number("l"),
+        drag: number("D"),
+        yaw_drag: number("B"),
+        rolling_coefficient: number("crr"),
+        smoothing_speed: number("vs"),
+        yaw_friction: number("tauc"),
+        smoothing_yaw_rate: number("ws"),
+        rotating_mass: number("mrot"),
+        rotating_inertia: number("irot"),
+        gravity: number("g"),
+        lever: [number("dx"), number("dy"), number("dz")],
+        wheel_radius: number("R"),
+        to_right: number("r1"),
+        to_left: number("r2"),
+        heading_reference: number("alpha_ref"),
+        pitch_travel: number("renc"),
+        dynamics: if p["dyn"] == "paper" { Dynamics::Paper } else { Dynamics::Full },
+        gyro: match p["gyro"].as_str() {
+            Some("paper") => Gyro::Paper,
+            Some("euler") => Gyro::Euler,
+            _ => Gyro::Body,
+        },
+        accelerometer: if p["acc"] == "paper" { Accelerometer::Paper } else { Accelerometer::Rigid },
+    }
+}
