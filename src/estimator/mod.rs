@@ -4,6 +4,8 @@
 //! is one plain [`State`](Estimator::State), so that a host can copy, compare, store and restore it;
 //! restoring a state and repeating the inputs repeats the bytes.
 
+pub mod nursing_robot;
+
 use crate::{ParameterError, Status, Variables};
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -69,4 +71,6 @@ pub trait Visitor {
 }
 
 /// The one list of estimators: adding one here puts it into the FMU library, the packer and the docs.
-pub fn visit_all(_visitor: &mut impl Visitor) {}
+pub fn visit_all(visitor: &mut impl Visitor) {
+    visitor.visit::<nursing_robot::NursingRobot>();
+}

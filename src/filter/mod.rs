@@ -1,5 +1,11 @@
 //! How to estimate: one file per filter. Knows no vehicle.
 
+pub mod adaptation;
+mod array;
+pub mod critically_damped;
 pub mod discretise;
 pub mod ekf;
+pub mod rls;
+pub mod sigma_points;
 pub mod square_root;
+pub mod ukf;

@@ -1,4 +1,5 @@
 //! What moves: equations of motion `f`, measurements `h` and their Jacobians, in the notation and
 //! with the equation numbers of the sources. Knows no filter.
 
+pub mod nursing_robot;
 pub mod wheelchair;

@@ -1,0 +1,329 @@
+//! Mass of the person or load: threshold-adaptive forgetting least squares over the longitudinal
+//! equation of motion (Yang et al., section 4.1, eq. 31-37), compensated for the sway of the body.
+//!
+//! With everything filtered alike, and `a` the acceleration and `s = tanh(v / v_s)` filtered:
+//!
+//! ```text
+//! y = F - F_air - m f g s - m a_m - m_rot a          E = a_m + f g s + mu h phi''        y = m_h E
+//! phi'' = -(c/J) phi' - ((k - b g)/J) phi - kappa a
+//! ```
+//!
+//! `a_m` is `a`, or the specific force if it is measured, in which gravity along a slope is contained.
+//! Errata: eq. (33), (37) print the sum `m + m_h` as the load; (32) multiplies all masses by a constant
+//! factor for the wheels; "influence of sway is smallest when starting" is false, a swaying body hides
+//! up to 42 % of the load from an instantaneous force.
+
+use super::Parameters;
+use super::parameters::Law;
+use crate::filter::critically_damped::{CriticallyDamped, Transition};
+use crate::filter::rls::{Config, Forgetting, Rls, Verdict};
+use crate::model::nursing_robot::{GRAVITY, Human, Robot};
+use serde::{Deserialize, Serialize};
+
+/// What happened in the last step; the numbers are the output `mass_status`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[repr(u8)]
+pub enum MassStatus {
+    /// The estimate was updated.
+    Updated = 0,
+    /// The sample went into the pool of the first estimate.
+    Pooling = 1,
+    /// Too slow.
+    #[default]
+    NotMoving = 2,
+    /// The acceleration tells nothing about the mass.
+    NotExcited = 3,
+    /// Slip: prediction error too large.
+    Rejected = 4,
+    /// Missing sample or unusable step.
+    Bad = 5,
+    /// Held for a while after `Rejected` or `Bad`.
+    Blocked = 6,
+}
+
+/// What one step needs; NaN is missing.
+#[derive(Clone, Copy, Debug)]
+pub struct MassSample {
+    /// Drive force `eta (tau_l + tau_r) / r`, N.
+    pub drive_force: f64,
+    /// Forward speed, m/s.
+    pub speed: f64,
+    /// Longitudinal specific force, m/s2; only used if configured.
+    pub specific_force: f64,
+}
+
+/// Settings of the mass estimator in the form in which a step needs them.
+#[derive(Clone, Debug)]
+pub struct MassEstimator {
+    rls: Config,
+    mass: f64,
+    rotating_mass: f64,
+    rolling: f64,
+    inverse_smoothing: f64,
+    drag: f64,
+    use_accelerometer: bool,
+    compensate: bool,
+    /// `(k - b g) / J`, `c / J`, `kappa`, `mu h`.
+    sway: [f64; 4],
+    cutoff: f64,
+    minimum_speed: f64,
+    minimum_acceleration: f64,
+    stop_time: f64,
+    block_time: f64,
+    longest_step: f64,
+    uncertainty: [f64; 3],
+    nominal: (f64, f64),
+}
+
+/// Everything that the steps change.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MassState {
+    /// The recursion; its disturbances are rolling resistance, drive force and sway force.
+    pub rls: Rls<3>,
+    /// What the last step did.
+    pub status: MassStatus,
+    /// Regressor of the last step, m/s2.
+    pub regressor: f64,
+    /// Measurement of the last step, N.
+    pub measurement: f64,
+    seeded: bool,
+    speed: CriticallyDamped,
+    force: CriticallyDamped,
+    sign: CriticallyDamped,
+    specific: CriticallyDamped,
+    held: [f64; 3],
+    sway: [f64; 2],
+    stopped_for: f64,
+    blocked_for: f64,
+    at_bound_for: f64,
+}
+
+/// Time of updates at a bound after which the estimate is called implausible, s.
+const BOUND_TIME: f64 = 0.5;
+
+impl MassEstimator {
+    /// From checked parameters.
+    pub fn new(p: &Parameters, robot: &Robot, human: &Human) -> Self {
+        let m = &p.mass;
+        let per_newton = 1.0 / p.robot.mass;
+        let (fast, slow, low) = (m.forgetting_fast, m.forgetting_slow, m.error_low * p.robot.mass);
+        let forgetting = match m.law {
+            Law::Fixed => Forgetting::Fixed(m.forgetting_fixed),
+            Law::Threshold => Forgetting::Threshold { fast, slow, low, high: m.error_high * p.robot.mass },
+            Law::Exponential => Forgetting::Exponential { fast, slow, low, rate: m.error_rate * per_newton },
+        };
+        let j = human.hip_inertia();
+        let sways = j > 0.0;
+        let per_j = if sways { 1.0 / j } else { 0.0 };
+        Self {
+            rls: Config {
+                forgetting,
+                initial_forgetting: slow,
+                covariance: (m.covariance_low, m.covariance_high),
+                bounds: (p.limit.load_mass_low, p.limit.load_mass),
+                gate: p.limit.slip_residual,
+                pooled: m.pooled_samples.max(1) as u32,
+                persistence: m.error_persistence,
+                expected_residual: low,
+            },
+            mass: p.robot.mass,
+            rotating_mass: robot.rotating_mass(),
+            rolling: p.rolling.coefficient * GRAVITY,
+            inverse_smoothing: 1.0 / p.rolling.smoothing_speed,
+            drag: 0.5 * p.aero.air_density * p.aero.drag_area,
+            use_accelerometer: m.use_accelerometer,
+            compensate: m.compensate_sway && sways,
+            sway: [
+                (human.stiffness_pitch - human.first_moment() * GRAVITY) * per_j,
+                human.damping_pitch * per_j,
+                human.coupling(),
+                human.swaying_fraction * human.com_height,
+            ],
+            cutoff: m.cutoff,
+            minimum_speed: m.minimum_speed,
+            minimum_acceleration: m.minimum_acceleration,
+            stop_time: m.stop_time,
+            block_time: m.block_time,
+            longest_step: p.longest_step(),
+            uncertainty: [m.rolling_uncertainty, m.force_uncertainty, m.sway_uncertainty],
+            nominal: (p.human.nominal_mass, p.human.nominal_mass_std),
+        }
+    }
+
+    /// The state before the first sample.
+    pub fn start(&self) -> MassState {
+        MassState {
+            rls: Rls::new(&self.rls, self.nominal.0),
+            status: MassStatus::NotMoving,
+            regressor: 0.0,
+            measurement: 0.0,
+            seeded: false,
+            speed: CriticallyDamped::default(),
+            force: CriticallyDamped::default(),
+            sign: CriticallyDamped::default(),
+            specific: CriticallyDamped::default(),
+            held: [0.0; 3],
+            sway: [0.0; 2],
+            stopped_for: 0.0,
+            blocked_for: 0.0,
+            at_bound_for: 0.0,
+        }
+    }
+
+    /// Takes one sample, `dt` seconds after the one before.
+    pub fn step(&self, state: &mut MassState, sample: &MassSample, dt: f64) -> MassStatus {
+        state.status = self.advance(state, sample, dt);
+        state.status
+    }
+
+    fn advance(&self, state: &mut MassState, sample: &MassSample, dt: f64) -> MassStatus {
+        // Written so that a NaN step fails too.
+        if !(dt > 0.0 && dt.is_finite()) {
+            return MassStatus::Bad;
+        }
+        let specific = if self.use_accelerometer { sample.specific_force } else { 0.0 };
+        let good = sample.drive_force.is_finite() && sample.speed.is_finite() && specific.is_finite();
+        if good {
+            let drag = self.drag * sample.speed * sample.speed.abs();
+            state.held = [sample.speed, sample.drive_force - drag, specific];
+        }
+        if dt > self.longest_step {
+            state.seeded = state.seeded || good;
+            self.seed(state);
+            state.blocked_for = self.block_time;
+            return MassStatus::Bad;
+        }
+        if !state.seeded {
+            if !good {
+                return MassStatus::Bad;
+            }
+            state.seeded = true;
+            self.seed(state);
+        }
+        self.filter(state, dt);
+
+        let moving = state.speed.value.abs() > self.minimum_speed;
+        if moving {
+            if state.stopped_for >= self.stop_time {
+                state.rls.reopen(&self.rls);
+            }
+            state.stopped_for = 0.0;
+        } else {
+            state.stopped_for += dt;
+        }
+        state.blocked_for = if good { (state.blocked_for - dt).max(0.0) } else { self.block_time };
+
+        let acceleration = self.acceleration(state);
+        let excited =
+            acceleration.abs() > self.minimum_acceleration && state.regressor.abs() > 0.5 * self.minimum_acceleration;
+        if !good {
+            MassStatus::Bad
+        } else if !moving {
+            MassStatus::NotMoving
+        } else if state.blocked_for > 0.0 {
+            MassStatus::Blocked
+        } else if !excited {
+            MassStatus::NotExcited
+        } else {
+            self.update(state, dt)
+        }
+    }
+
+    fn update(&self, state: &mut MassState, dt: f64) -> MassStatus {
+        let total = self.mass + state.rls.estimate;
+        let resistance = total * self.rolling * state.sign.value;
+        let sway = if self.compensate { state.rls.estimate * self.sway_share(state) } else { 0.0 };
+        let disturbances = [-resistance, state.force.value, sway];
+        let verdict = state.rls.update(&self.rls, state.regressor, state.measurement, &disturbances, dt);
+        if verdict == Verdict::Rejected {
+            state.blocked_for = self.block_time;
+            return MassStatus::Rejected;
+        }
+        let at_bound = state.rls.at_bound(&self.rls);
+        state.at_bound_for = if at_bound { (state.at_bound_for + dt).min(1e3) } else { 0.0 };
+        if verdict == Verdict::Pooled { MassStatus::Pooling } else { MassStatus::Updated }
+    }
+
+    fn seed(&self, state: &mut MassState) {
+        let [speed, force, specific] = state.held;
+        state.speed = CriticallyDamped::at(speed);
+        state.force = CriticallyDamped::at(force);
+        state.sign = CriticallyDamped::at((speed * self.inverse_smoothing).tanh());
+        state.specific = CriticallyDamped::at(specific);
+        state.sway = [0.0; 2];
+    }
+
+    fn filter(&self, state: &mut MassState, dt: f64) {
+        let transition = Transition::new(self.cutoff, dt);
+        let [speed, force, specific] = state.held;
+        state.speed.step(&transition, speed);
+        state.force.step(&transition, force);
+        state.sign.step(&transition, (speed * self.inverse_smoothing).tanh());
+        if self.use_accelerometer {
+            state.specific.step(&transition, specific);
+        }
+        let acceleration = self.acceleration(state);
+        let rolling = self.rolling * state.sign.value;
+        state.measurement =
+            state.force.value - self.mass * (acceleration + rolling) - self.rotating_mass * state.speed.rate;
+        state.regressor = acceleration + rolling;
+        if self.compensate {
+            self.sway_step(state, dt);
+            state.regressor += self.sway_share(state);
+        }
+    }
+
+    /// Acceleration of the masses that move along, with gravity if it is measured.
+    fn acceleration(&self, state: &MassState) -> f64 {
+        if self.use_accelerometer { state.specific.value } else { state.speed.rate }
+    }
+
+    fn sway_acceleration(&self, acceleration: f64, [phi, phi_dot]: [f64; 2]) -> f64 {
+        let [stiffness, damping, coupling, _] = self.sway;
+        -damping * phi_dot - stiffness * phi - coupling * acceleration
+    }
+
+    /// Share of the swaying body's reaction per kilogram of the person, `mu h phi''`, m/s2.
+    fn sway_share(&self, state: &MassState) -> f64 {
+        self.sway[3] * self.sway_acceleration(self.acceleration(state), state.sway)
+    }
+
+    /// Runge-Kutta step of the sway with the acceleration held.
+    fn sway_step(&self, state: &mut MassState, dt: f64) {
+        let a = self.acceleration(state);
+        let slope = |x: [f64; 2]| [x[1], self.sway_acceleration(a, x)];
+        let along = |x: [f64; 2], k: [f64; 2], h: f64| [x[0] + h * k[0], x[1] + h * k[1]];
+        let x = state.sway;
+        let k1 = slope(x);
+        let k2 = slope(along(x, k1, 0.5 * dt));
+        let k3 = slope(along(x, k2, 0.5 * dt));
+        let k4 = slope(along(x, k3, dt));
+        state.sway = std::array::from_fn(|i| x[i] + dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+    }
+
+    /// Standard deviation of the estimate; that of the nominal mass before there is one.
+    pub fn std(&self, state: &MassState) -> f64 {
+        let (low, high) = self.rls.bounds;
+        if !state.rls.valid {
+            return self.nominal.1;
+        }
+        // An unknown mass between the bounds has no larger standard deviation than half their distance.
+        state.rls.variance(&self.uncertainty).sqrt().min(0.5 * (high - low))
+    }
+}
+
+impl MassState {
+    /// Whether the estimate has sat at its bound for longer than half a second of updates.
+    pub fn implausible(&self) -> bool {
+        self.at_bound_for > BOUND_TIME
+    }
+
+    /// Whether all numbers are finite.
+    pub fn is_sound(&self) -> bool {
+        let filters = [self.speed, self.force, self.sign, self.specific];
+        let numbers = [self.regressor, self.measurement, self.stopped_for, self.blocked_for, self.at_bound_for];
+        self.rls.is_sound()
+            && filters.iter().all(|f| f.value.is_finite() && f.rate.is_finite())
+            && numbers.iter().chain(&self.held).chain(&self.sway).all(|x| x.is_finite())
+    }
+}

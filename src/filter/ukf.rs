@@ -1,0 +1,136 @@
+//! Unscented Kalman filter of static size with additive process noise and direct measurements of
+//! single states.
+//!
+//! A measurement that is one of the states is linear, for which the unscented transform is exact. So
+//! its covariances are read off the predicted covariance, no second set of sigma points is needed, and
+//! independent channels can be taken one after the other without inverting a matrix.
+//! Yang et al., eq. (44)-(54). Errata: (46) and (47) print the noise of the wrong instants, Q belongs
+//! to the step and R to the sample; the points would have to be redrawn after Q has been added.
+
+use super::sigma_points::{Weights, robust_cholesky};
+use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
+
+/// Mean and covariance of the state.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Belief<const N: usize> {
+    /// Mean.
+    pub mean: SVector<f64, N>,
+    /// Covariance, symmetric.
+    pub covariance: SMatrix<f64, N, N>,
+}
+
+/// A measured channel that shows one state: `sample = state[index] + noise`.
+#[derive(Clone, Copy, Debug)]
+pub struct Channel {
+    /// Which state it shows.
+    pub index: usize,
+    /// The sample; NaN if there is none.
+    pub sample: f64,
+    /// Variance of its noise.
+    pub variance: f64,
+}
+
+/// What the samples say before they are used.
+#[derive(Clone, Copy, Debug)]
+pub struct Innovation<const M: usize> {
+    /// Sample minus prediction per channel; 0 for a missing one.
+    pub residual: [f64; M],
+    /// Variance of the residual per channel.
+    pub variance: [f64; M],
+    /// Number of channels with a sample.
+    pub available: usize,
+    /// Normalised innovation squared, summed over the available channels jointly.
+    pub nis: f64,
+}
+
+impl<const N: usize> Belief<N> {
+    /// With independent states of these variances.
+    pub fn new(mean: SVector<f64, N>, variances: &SVector<f64, N>) -> Self {
+        Self { mean, covariance: SMatrix::from_diagonal(variances) }
+    }
+
+    /// Moves the belief through `f` (process noise is added by the caller). Returns whether the
+    /// covariance had to be repaired; `None`, with the belief unchanged, if it is not finite.
+    pub fn predict(&mut self, weights: &Weights, f: impl Fn(&SVector<f64, N>) -> SVector<f64, N>) -> Option<bool> {
+        let (root, repaired) = robust_cholesky(&self.covariance)?;
+        let scale = weights.spread.sqrt();
+        let centre = f(&self.mean);
+        let mut ahead = [SVector::<f64, N>::zeros(); N];
+        let mut behind = [SVector::<f64, N>::zeros(); N];
+        let mut mean = centre * weights.mean;
+        for j in 0..N {
+            let offset = root.column(j) * scale;
+            ahead[j] = f(&(self.mean + offset));
+            behind[j] = f(&(self.mean - offset));
+            mean += (ahead[j] + behind[j]) * weights.outer;
+        }
+        let from_centre = centre - mean;
+        let mut covariance = SMatrix::<f64, N, N>::zeros();
+        add_square(&mut covariance, weights.covariance, &from_centre);
+        for j in 0..N {
+            add_square(&mut covariance, weights.outer, &(ahead[j] - mean));
+            add_square(&mut covariance, weights.outer, &(behind[j] - mean));
+        }
+        (self.mean, self.covariance) = (mean, covariance);
+        Some(repaired)
+    }
+
+    /// Compares the samples with the prediction.
+    pub fn innovation<const M: usize>(&self, channels: &[Channel; M]) -> Innovation<M> {
+        let mut after = *self;
+        let mut innovation = Innovation { residual: [0.0; M], variance: [0.0; M], available: 0, nis: 0.0 };
+        for (i, channel) in channels.iter().enumerate() {
+            innovation.variance[i] = self.covariance[(channel.index, channel.index)] + channel.variance;
+            if channel.sample.is_nan() {
+                continue;
+            }
+            innovation.residual[i] = channel.sample - self.mean[channel.index];
+            innovation.available += 1;
+            innovation.nis += after.take(channel);
+        }
+        innovation
+    }
+
+    /// Takes the samples of all channels that have one.
+    pub fn update<const M: usize>(&mut self, channels: &[Channel; M]) {
+        for channel in channels.iter().filter(|channel| !channel.sample.is_nan()) {
+            self.take(channel);
+        }
+    }
+
+    /// Takes one sample and returns its squared normalised innovation.
+    fn take(&mut self, channel: &Channel) -> f64 {
+        let cross: SVector<f64, N> = self.covariance.column(channel.index).into();
+        let inverse = 1.0 / (cross[channel.index] + channel.variance);
+        let residual = channel.sample - self.mean[channel.index];
+        self.mean += cross * (residual * inverse);
+        add_square(&mut self.covariance, -inverse, &cross);
+        residual * residual * inverse
+    }
+
+    /// Makes one state known as `value` with `variance`, independent of the others.
+    pub fn realign(&mut self, index: usize, value: f64, variance: f64) {
+        self.mean[index] = value;
+        self.covariance.row_mut(index).fill(0.0);
+        self.covariance.column_mut(index).fill(0.0);
+        self.covariance[(index, index)] = variance;
+    }
+
+    /// Whether all numbers are finite and no variance is negative.
+    pub fn is_sound(&self) -> bool {
+        self.mean.iter().chain(self.covariance.iter()).all(|x| x.is_finite())
+            && (0..N).all(|i| self.covariance[(i, i)] >= 0.0)
+    }
+}
+
+/// `matrix += factor * v v^T`, exactly symmetric.
+pub fn add_square<const N: usize>(matrix: &mut SMatrix<f64, N, N>, factor: f64, v: &SVector<f64, N>) {
+    for j in 0..N {
+        for i in 0..=j {
+            let sum = matrix[(i, j)] + factor * v[i] * v[j];
+            matrix[(i, j)] = sum;
+            matrix[(j, i)] = sum;
+        }
+    }
+}
