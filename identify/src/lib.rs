@@ -5,7 +5,9 @@
 //!         simulate/ (plants + noise -> logs)                          tune/ (noise by replay)
 //! ```
 
+pub mod cli;
 pub mod log;
+pub mod output;
 pub mod progress;
 pub mod report;
 pub mod request;

@@ -1,2 +1,7 @@
 //! `identify`: fits, tunes, simulates and estimates from logs.
-fn main() {}
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    wheelstate_identify::cli::main()
+}

@@ -1,10 +1,32 @@
 //! Recorded or simulated logs: uniform in memory whatever file they came from.
+//!
+//! [`Log::read`] takes CSV, Parquet and MDF4 by file ending, applies a column map and checks what
+//! every later step relies on: finite, strictly increasing times and at least two samples.
+
+pub mod columns;
+mod csv;
+mod error;
+#[cfg(feature = "mf4")]
+mod mf4;
+#[cfg(feature = "parquet")]
+mod parquet;
+mod sampling;
+mod table;
+
+pub use columns::ColumnMap;
+pub use error::LogError;
+
+use crate::progress::Progress;
+use crate::report::LogEntry;
+use std::path::Path;
 
 /// A log: one time base and named channels of the same length.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Log {
     /// Where it came from: the file's path, or the scenario.
     pub source: String,
+    /// SHA-256 of the file, hexadecimal; empty if it never was a file.
+    pub sha256: String,
     /// Sample times, s, increasing.
     pub time: Vec<f64>,
     /// The channels, named as the FMU's inputs; `true_*` are references for reports.
@@ -18,6 +40,26 @@ pub struct Channel {
     pub name: String,
     /// One value per sample, SI units.
     pub values: Vec<f64>,
+}
+
+/// The file formats, by file ending.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Csv,
+    Parquet,
+    Mf4,
+}
+
+impl Format {
+    fn of(path: &Path) -> Result<Self, LogError> {
+        let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        match ending.as_str() {
+            "csv" => Ok(Self::Csv),
+            "parquet" => Ok(Self::Parquet),
+            "mf4" => Ok(Self::Mf4),
+            _ => Err(LogError::file(&path.display().to_string(), "unknown ending; .csv, .parquet or .mf4 is expected")),
+        }
+    }
 }
 
 impl Log {
@@ -36,9 +78,56 @@ impl Log {
         self.channels.iter().find(|channel| channel.name == name).map(|channel| channel.values.as_slice())
     }
 
+    /// The values of a channel, or an error that names the log and channels with similar names.
+    pub fn require(&self, name: &str) -> Result<&[f64], LogError> {
+        self.channel(name).ok_or_else(|| {
+            let names: Vec<_> = self.channels.iter().map(|channel| channel.name.as_str()).collect();
+            LogError::file(&self.source, format!("no channel '{name}'; {}", columns::hint(name, &names)))
+        })
+    }
+
     /// Adds a channel; all channels have as many values as there are times.
     pub fn push(&mut self, name: &str, values: Vec<f64>) {
         debug_assert_eq!(values.len(), self.len());
         self.channels.push(Channel { name: name.to_owned(), values });
+    }
+
+    /// The entry of this log in `fit.json`.
+    pub fn entry(&self) -> LogEntry {
+        LogEntry { file: self.source.clone(), sha256: self.sha256.clone(), samples: self.len() }
+    }
+
+    /// Reads a log; the file's ending tells its format.
+    ///
+    /// Without a column map the file has a column `time` in s, and every column must be numeric.
+    /// With one, the mapped channels come first and columns that the map does not use follow under
+    /// their own names, as far as they are numeric.
+    pub fn read(path: &Path, map: Option<&ColumnMap>, progress: &Progress) -> Result<Self, LogError> {
+        let table = match Format::of(path)? {
+            Format::Csv => csv::read(path, map, progress)?,
+            #[cfg(feature = "parquet")]
+            Format::Parquet => parquet::read(path, progress)?,
+            #[cfg(feature = "mf4")]
+            Format::Mf4 => mf4::read(path, map, progress)?,
+            #[allow(unreachable_patterns)]
+            _ => {
+                return Err(LogError::file(&path.display().to_string(), "this build cannot read this kind of file"));
+            }
+        };
+        table.into_log(map)
+    }
+
+    /// Writes a log whose format is told by `path`; the bytes go to `to`, full precision.
+    pub fn write(&self, path: &Path, to: impl std::io::Write + std::io::Seek + Send + 'static) -> Result<(), LogError> {
+        let failed = |e: &dyn std::fmt::Display| LogError::file(&path.display().to_string(), e.to_string());
+        match Format::of(path)? {
+            Format::Csv => csv::write(self, to).map_err(|e| failed(&e)),
+            #[cfg(feature = "parquet")]
+            Format::Parquet => parquet::write(self, to).map_err(|e| failed(&e)),
+            #[cfg(feature = "mf4")]
+            Format::Mf4 => mf4::write(self, to).map_err(|e| failed(&e)),
+            #[allow(unreachable_patterns)]
+            _ => Err(failed(&"this build cannot write this kind of file")),
+        }
     }
 }

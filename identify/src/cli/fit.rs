@@ -1,0 +1,69 @@
+//! `identify fit`.
+
+use super::settings::{self, Setting};
+use super::{LogArgs, Outcome, Refusal, keep_inputs, read_logs};
+use crate::output::Outputs;
+use crate::progress::Progress;
+use crate::request::{FitRequest, Loss};
+use crate::vehicle::Vehicle;
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  identify fit nursing-robot log.csv --out fit.json
+  identify fit nursing-robot log.csv --set human.nominal_mass=72 --refine --out fit.json --report fit.html
+  identify fit nursing-robot trip*.csv --columns map.toml --only robot.mass,rolling.coefficient
+  identify fit wheelchair run1.csv run2.parquet --loss l1 --ssv fit.ssv
+
+A log without excitation ends with exit code 1 and the parameters marked; pack does not use those.")]
+pub(super) struct FitArgs {
+    /// The machine.
+    #[arg(value_enum)]
+    vehicle: Vehicle,
+    #[command(flatten)]
+    logs: LogArgs,
+    /// Start values: a fit.json or {\"name\": value, ...}.
+    #[arg(long, value_name = "START.json")]
+    params: Option<PathBuf>,
+    /// A known parameter by its FMU name; may be repeated.
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = settings::parse)]
+    settings: Vec<Setting>,
+    /// Fit only these parameters.
+    #[arg(long, value_name = "A,B", value_delimiter = ',')]
+    only: Vec<String>,
+    /// Loss of the regression.
+    #[arg(long, value_enum, default_value_t = Loss::Huber)]
+    loss: Loss,
+    /// Refine the regression by simulating the logs (output error).
+    #[arg(long)]
+    refine: bool,
+    /// Write the result.
+    #[arg(long, value_name = "FIT.json")]
+    out: Option<PathBuf>,
+    /// Write the identified values as an SSP parameter set.
+    #[arg(long, value_name = "FIT.ssv")]
+    ssv: Option<PathBuf>,
+    /// Write a page with plots: one file, no network.
+    #[arg(long, value_name = "FIT.html")]
+    report: Option<PathBuf>,
+}
+
+pub(super) fn run(args: &FitArgs) -> Result<Outcome, Refusal> {
+    for output in [&args.out, &args.ssv, &args.report].into_iter().flatten() {
+        keep_inputs(Some(output), &args.logs.logs)?;
+        Outputs::check(output)?;
+    }
+    let request = FitRequest {
+        start: args.params.as_deref().map_or(Ok(Vec::new()), |path| settings::start_values(args.vehicle, path))?,
+        settings: settings::numbers(args.vehicle, &args.settings)?,
+        only: args.only.iter().map(|name| name.trim().to_owned()).filter(|name| !name.is_empty()).collect(),
+        loss: args.loss,
+        refine: args.refine,
+    };
+    let progress = Progress::terminal();
+    let logs = read_logs(args.vehicle, &args.logs, &progress)?;
+    let _ = (request, logs);
+    Err(Refusal::unavailable("fit", args.vehicle))
+}

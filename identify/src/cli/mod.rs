@@ -1,0 +1,149 @@
+//! The command line: what each command takes, and its exit code.
+
+mod fit;
+mod human;
+mod settings;
+mod simulate;
+mod tune;
+
+use crate::log::{ColumnMap, Log};
+use crate::progress::Progress;
+use crate::vehicle::Vehicle;
+use clap::{Args, Parser, Subcommand};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Fits physical parameters of wheeled machines from logs, tunes filter noise, simulates logs.
+#[derive(Debug, Parser)]
+#[command(name = "identify", version, max_term_width = 100)]
+#[command(after_help = "\
+Exit codes:
+  0  done
+  1  done with warnings (a parameter is not identifiable or sits at a bound)
+  2  refused; one line on stderr says why and no output file is written
+
+Logs are CSV, Parquet or MDF4 files (.csv, .parquet, .mf4) with a column `time` in s and columns named
+as the FMU's inputs, in SI units. --columns reads logs with other names and units.
+
+Examples:
+  identify simulate nursing-robot --scenario identification --seed 1 --out log.csv
+  identify fit nursing-robot log.csv --out fit.json --report fit.html
+  identify fit nursing-robot trip*.csv --columns map.toml --only robot.mass,rolling.coefficient")]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Fit physical parameters from logs by convex optimisation.
+    Fit(fit::FitArgs),
+    /// Tune the filter's noise settings by replaying logs.
+    Tune(tune::TuneArgs),
+    /// Make a log with a built-in plant; its true_* columns hold the truth.
+    Simulate(simulate::SimulateArgs),
+    /// Estimate every quantity of a body over a whole log.
+    Estimate(human::EstimateArgs),
+    /// Measure the time of an estimation step.
+    Bench(human::BenchArgs),
+}
+
+/// The logs of a command and how to read them.
+#[derive(Debug, Args)]
+struct LogArgs {
+    /// Logs: .csv, .parquet or .mf4.
+    #[arg(value_name = "LOG", required = true)]
+    logs: Vec<PathBuf>,
+    /// Column map for logs with other names, units or missing samples.
+    #[arg(long, value_name = "MAP.toml")]
+    columns: Option<PathBuf>,
+}
+
+/// How a command ended that was not refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(dead_code)]
+enum Outcome {
+    Done,
+    Warnings,
+}
+
+/// Why a command was refused: one line.
+#[derive(Debug)]
+struct Refusal(String);
+
+impl<E: std::error::Error> From<E> for Refusal {
+    fn from(error: E) -> Self {
+        Self(error.to_string())
+    }
+}
+
+impl Refusal {
+    fn unavailable(command: &str, vehicle: Vehicle) -> Self {
+        Self(format!("{command} is not available for {vehicle}"))
+    }
+}
+
+/// Runs the command line of this process.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let outcome = match cli.command {
+        Command::Fit(args) => fit::run(&args),
+        Command::Tune(args) => tune::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
+        Command::Estimate(args) => human::estimate(&args),
+        Command::Bench(args) => human::bench(&args),
+    };
+    match outcome {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::Warnings) => ExitCode::from(1),
+        Err(Refusal(line)) => {
+            eprintln!("identify: {}", line.replace(['\n', '\r'], " "));
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Prints to stdout; a reader that has gone away is no error.
+fn print(text: &str) {
+    use std::io::Write;
+    let mut out = std::io::stdout().lock();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}
+
+/// Reads all logs of a command and checks the map against the vehicle's inputs.
+fn read_logs(vehicle: Vehicle, args: &LogArgs, progress: &Progress) -> Result<Vec<Log>, Refusal> {
+    let map = args.columns.as_deref().map(ColumnMap::read).transpose()?;
+    if let Some(map) = &map {
+        check_map(vehicle, map)?;
+    }
+    args.logs.iter().map(|path| Log::read(path, map.as_ref(), progress).map_err(Refusal::from)).collect()
+}
+
+/// Refuses units that do not fit the vehicle's inputs and points out names that look misspelt.
+fn check_map(vehicle: Vehicle, map: &ColumnMap) -> Result<(), Refusal> {
+    let inputs = vehicle.inputs();
+    for (channel, unit) in map.units() {
+        if let Some(input) = inputs.iter().find(|input| input.name == channel && input.unit != unit) {
+            let what = format!("{channel}: the unit leads to {unit}, but {vehicle} takes {channel} in {}", input.unit);
+            return Err(map.error(what).into());
+        }
+    }
+    let names: Vec<_> = inputs.iter().map(|input| input.name.as_str()).collect();
+    for channel in map.channels().filter(|channel| !names.contains(channel)) {
+        let used = |name: &str| map.channels().any(|other| other == name);
+        if let Some(near) = crate::log::columns::nearest(channel, &names).filter(|near| !used(near)) {
+            eprintln!("identify: note: {channel} in the column map is no input of {vehicle}; {near} is");
+        }
+    }
+    Ok(())
+}
+
+/// Refuses an output that would replace one of the inputs.
+fn keep_inputs(output: Option<&Path>, inputs: &[PathBuf]) -> Result<(), Refusal> {
+    let Some(output) = output else { return Ok(()) };
+    let real = std::fs::canonicalize(output).ok();
+    if inputs.iter().any(|input| real.is_some() && std::fs::canonicalize(input).ok() == real) {
+        return Err(Refusal(format!("{}: is an input and would be overwritten", output.display())));
+    }
+    Ok(())
+}

@@ -1,0 +1,187 @@
+//! CSV: header row, comma, `.` decimal; empty or `nan` is a missing sample.
+
+use super::columns::ColumnMap;
+use super::error::quoted;
+use super::table::{Place, Table, time_column};
+use super::{Log, LogError};
+use crate::progress::Progress;
+use ::csv::{ByteRecord, ReaderBuilder, Trim};
+use sha2::{Digest, Sha256};
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Write};
+use std::path::Path;
+
+/// Rows between two looks at the progress handle.
+const STRIDE: usize = 1 << 14;
+
+/// Reads a file row by row. Text is an error, except in columns that a given map does not use.
+pub(super) fn read(path: &Path, map: Option<&ColumnMap>, progress: &Progress) -> Result<Table, LogError> {
+    let name = path.display().to_string();
+    let opened = File::open(path).and_then(|file| Ok((file.metadata()?, file)));
+    let (meta, file) = opened.map_err(|e| LogError::file(&name, e.to_string()))?;
+    if meta.is_dir() {
+        return Err(LogError::file(&name, "is a directory, not a log"));
+    }
+    let what = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    progress.start(format!("reading {what}"), meta.len());
+    let table = parse(&name, Hashing { from: file, hash: Sha256::new() }, map, progress);
+    progress.finish();
+    table
+}
+
+/// The parser itself, over any bytes.
+fn parse(file: &str, from: Hashing<impl Read>, map: Option<&ColumnMap>, to: &Progress) -> Result<Table, LogError> {
+    let mut reader = ReaderBuilder::new().has_headers(false).flexible(true).trim(Trim::All).from_reader(from);
+    let mut record = ByteRecord::new();
+    let fail = |e: ::csv::Error| LogError::file(file, e.to_string());
+    if !reader.read_byte_record(&mut record).map_err(fail)? {
+        return Err(LogError::file(file, "the file is empty"));
+    }
+    let mut columns = header(file, &record)?;
+    if map.is_none() {
+        // Better said before the first number fails to parse.
+        time_column(file, &columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>())?;
+    }
+    let mut lines = Vec::new();
+    let mut seen = 0;
+    while reader.read_byte_record(&mut record).map_err(fail)? {
+        let line = record.position().map_or(0, |position| position.line());
+        if record.len() != columns.len() {
+            let what = format!("{} cells, but the header has {} columns", record.len(), columns.len());
+            return Err(LogError::line(file, line, what));
+        }
+        for (column, cell) in columns.iter_mut().zip(&record) {
+            if column.text.is_some() {
+                continue;
+            }
+            match number(cell) {
+                Some(value) => column.values.push(value),
+                None => {
+                    let text = String::from_utf8_lossy(cell).into_owned();
+                    let spare = map.is_some_and(|map| !map.uses(&column.name));
+                    if !spare {
+                        let what = format!("column {}: {} is not a number", quoted(&column.name), quoted(&text));
+                        return Err(LogError::line(file, line, what));
+                    }
+                    column.text = Some((format!("{file}:{line}"), text));
+                    column.values = Vec::new();
+                }
+            }
+        }
+        lines.push(u32::try_from(line).unwrap_or(u32::MAX));
+        if lines.len() % STRIDE == 0 {
+            let position = reader.position().byte();
+            to.advance(position - seen);
+            seen = position;
+            to.check()?;
+        }
+    }
+    if lines.is_empty() {
+        return Err(LogError::line(file, 1, "there is a header but no sample"));
+    }
+    let sha256 = reader.into_inner().finish().map_err(|e| LogError::file(file, e.to_string()))?;
+    let mut table = Table { file: file.to_owned(), sha256, columns: vec![], texts: vec![], place: Place::Lines(lines) };
+    for column in columns {
+        match column.text {
+            None => table.columns.push((column.name, column.values)),
+            Some((at, text)) => table.texts.push((column.name, at, text)),
+        }
+    }
+    Ok(table)
+}
+
+struct Column {
+    name: String,
+    values: Vec<f64>,
+    /// Place and content of the first text, if the column is left out for it.
+    text: Option<(String, String)>,
+}
+
+fn header(file: &str, record: &ByteRecord) -> Result<Vec<Column>, LogError> {
+    let mut columns: Vec<Column> = Vec::with_capacity(record.len());
+    for (index, cell) in record.iter().enumerate() {
+        // A byte order mark belongs to the file, not to the first name.
+        let cell = if index == 0 { cell.strip_prefix(b"\xef\xbb\xbf").unwrap_or(cell) } else { cell };
+        let Ok(name) = std::str::from_utf8(cell) else {
+            return Err(LogError::line(file, 1, format!("the name of column {} is not UTF-8 text", index + 1)));
+        };
+        let name = name.trim().trim_matches('"');
+        let name = if name.is_empty() { format!("column_{}", index + 1) } else { name.to_owned() };
+        if let Some(twin) = columns.iter().position(|column| column.name == name) {
+            let what = format!("columns {} and {} are both named {}", twin + 1, index + 1, quoted(&name));
+            return Err(LogError::line(file, 1, what));
+        }
+        columns.push(Column { name, values: Vec::new(), text: None });
+    }
+    Ok(columns)
+}
+
+/// A cell as a number: NaN if empty, `None` if it is text. Booleans as fmpy writes them are 0 and 1.
+fn number(cell: &[u8]) -> Option<f64> {
+    match cell {
+        b"" => Some(f64::NAN),
+        b"True" | b"true" => Some(1.0),
+        b"False" | b"false" => Some(0.0),
+        _ => std::str::from_utf8(cell).ok()?.parse().ok(),
+    }
+}
+
+/// Writes a log so that this reader and fmpy's `read_csv` return the same numbers.
+pub(super) fn write(log: &Log, to: impl Write) -> io::Result<()> {
+    let mut to = BufWriter::with_capacity(1 << 16, to);
+    write!(to, "time")?;
+    for channel in &log.channels {
+        if channel.name.contains([',', '"', '\n', '\r']) {
+            write!(to, ",\"{}\"", channel.name.replace('"', "\"\""))?;
+        } else {
+            write!(to, ",{}", channel.name)?;
+        }
+    }
+    writeln!(to)?;
+    for (sample, time) in log.time.iter().enumerate() {
+        write!(to, "{time:?}")?;
+        for channel in &log.channels {
+            let value = channel.values[sample];
+            // Shortest decimal that reads back as the same number.
+            if value.is_nan() {
+                write!(to, ",nan")?
+            } else {
+                write!(to, ",{value:?}")?
+            };
+        }
+        writeln!(to)?;
+    }
+    to.flush()
+}
+
+/// Passes bytes on and remembers their SHA-256.
+struct Hashing<R> {
+    from: R,
+    hash: Sha256,
+}
+
+impl<R: Read> Read for Hashing<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.from.read(buffer)?;
+        self.hash.update(&buffer[..count]);
+        Ok(count)
+    }
+}
+
+impl<R: Read> Hashing<R> {
+    fn finish(mut self) -> io::Result<String> {
+        io::copy(&mut self, &mut io::sink())?;
+        Ok(hexadecimal(&self.hash.finalize()))
+    }
+}
+
+/// SHA-256 of a whole file, hexadecimal.
+#[cfg(any(feature = "parquet", feature = "mf4"))]
+pub(super) fn sha256(path: &Path) -> io::Result<String> {
+    let hashing = Hashing { from: File::open(path)?, hash: Sha256::new() };
+    hashing.finish()
+}
+
+fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,126 @@
+//! Sampling of a log: its period, its gaps, parts of it.
+
+use super::{Channel, Log};
+use std::ops::Range;
+
+impl Log {
+    /// The usual time between two samples: the median, s.
+    pub fn period(&self) -> f64 {
+        let mut steps: Vec<f64> = self.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        if steps.is_empty() {
+            return f64::NAN;
+        }
+        let middle = steps.len() / 2;
+        *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+    }
+
+    /// From the first to the last sample, s.
+    pub fn duration(&self) -> f64 {
+        self.time.last().zip(self.time.first()).map_or(0.0, |(last, first)| last - first)
+    }
+
+    /// The longest runs of samples whose steps all stay within `tolerance * period` of the period.
+    pub fn uniform_runs(&self, tolerance: f64) -> Vec<Range<usize>> {
+        let period = self.period();
+        let mut runs = Vec::new();
+        let mut start = 0;
+        for (index, pair) in self.time.windows(2).enumerate() {
+            if ((pair[1] - pair[0]) - period).abs() > tolerance * period {
+                runs.push(start..index + 1);
+                start = index + 1;
+            }
+        }
+        if start < self.len() {
+            runs.push(start..self.len());
+        }
+        runs
+    }
+
+    /// A part of the log.
+    pub fn slice(&self, samples: Range<usize>) -> Self {
+        let channels = self
+            .channels
+            .iter()
+            .map(|channel| Channel { name: channel.name.clone(), values: channel.values[samples.clone()].to_vec() });
+        Self {
+            source: self.source.clone(),
+            sha256: self.sha256.clone(),
+            time: self.time[samples.clone()].to_vec(),
+            channels: channels.collect(),
+        }
+    }
+
+    /// The first `share` of the samples (0 to 1) and the rest.
+    pub fn split(&self, share: f64) -> (Self, Self) {
+        let at = ((self.len() as f64 * share).round() as usize).min(self.len());
+        (self.slice(0..at), self.slice(at..self.len()))
+    }
+
+    /// The log on the uniform grid `first time + k period`, linearly interpolated. A grid point
+    /// between two samples further apart than `gap` s, or beside a missing one, is missing.
+    pub fn resample(&self, period: f64, gap: f64) -> Self {
+        let Some(first) = self.time.first() else { return self.clone() };
+        let count = (self.duration() / period * (1.0 + 1e-12)).floor() as usize + 1;
+        let time: Vec<f64> = (0..count).map(|k| first + k as f64 * period).collect();
+        // For every grid point: the sample at or before it and the share of the next one.
+        let mut left = 0;
+        let place = time.iter().map(|t| {
+            while left + 2 < self.len() && self.time[left + 1] <= *t {
+                left += 1;
+            }
+            let (t0, t1) = (self.time[left], self.time.get(left + 1).copied().unwrap_or(*t));
+            let share = if t1 > t0 { ((t - t0) / (t1 - t0)).clamp(0.0, 1.0) } else { 0.0 };
+            (left, share, t1 - t0 > gap)
+        });
+        let places: Vec<_> = place.collect();
+        let pick = |values: &[f64]| {
+            let at = |(left, share, apart): &(usize, f64, bool)| match *share {
+                0.0 => values[*left],
+                1.0 => values[left + 1],
+                _ if *apart => f64::NAN,
+                share => values[*left] + share * (values[left + 1] - values[*left]),
+            };
+            places.iter().map(at).collect()
+        };
+        let channels =
+            self.channels.iter().map(|c| Channel { name: c.name.clone(), values: pick(&c.values) }).collect();
+        Self { source: self.source.clone(), sha256: self.sha256.clone(), time, channels }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp(times: &[f64]) -> Log {
+        let mut log = Log { time: times.to_vec(), ..Log::default() };
+        log.push("twice", times.iter().map(|t| 2.0 * t).collect());
+        log
+    }
+
+    #[test]
+    fn gaps_part_the_runs() {
+        let log = ramp(&[0.0, 0.1, 0.2, 0.5, 0.6, 0.7001, 2.0]);
+        assert_eq!(log.uniform_runs(0.01), [0..3, 3..6, 6..7]);
+        assert!((log.period() - 0.1).abs() < 1e-3);
+    }
+
+    #[test]
+    fn parts_keep_their_samples() {
+        let log = ramp(&[0.0, 1.0, 2.0, 3.0, 4.0]);
+        let (head, tail) = log.split(0.6);
+        assert_eq!(head.time, [0.0, 1.0, 2.0]);
+        assert_eq!(tail.channel("twice"), Some(&[6.0, 8.0][..]));
+    }
+
+    #[test]
+    fn a_straight_line_survives_resampling_and_gaps_do_not_fill() {
+        let log = ramp(&[1.0, 1.3, 1.7, 2.0, 4.0]);
+        let even = log.resample(0.25, 0.5);
+        assert_eq!(even.len(), 13);
+        for (t, value) in even.time.iter().zip(even.channel("twice").unwrap()) {
+            let inside = *t > 2.0 && *t < 4.0;
+            assert!(if inside { value.is_nan() } else { (value - 2.0 * t).abs() < 1e-12 }, "{value} at {t}");
+        }
+    }
+}
