@@ -5,6 +5,7 @@
 //! restoring a state and repeating the inputs repeats the bytes.
 
 pub mod nursing_robot;
+pub mod wheel_loader;
 
 use crate::{ParameterError, Status, Variables};
 use serde::{Serialize, de::DeserializeOwned};
@@ -73,4 +74,5 @@ pub trait Visitor {
 /// The one list of estimators: adding one here puts it into the FMU library, the packer and the docs.
 pub fn visit_all(visitor: &mut impl Visitor) {
     visitor.visit::<nursing_robot::NursingRobot>();
+    visitor.visit::<wheel_loader::WheelLoader>();
 }

@@ -8,4 +8,5 @@ pub mod ekf;
 pub mod rls;
 pub mod sigma_points;
 pub mod square_root;
+pub mod srukf;
 pub mod ukf;

@@ -2,4 +2,5 @@
 //! with the equation numbers of the sources. Knows no filter.
 
 pub mod nursing_robot;
+pub mod wheel_loader;
 pub mod wheelchair;

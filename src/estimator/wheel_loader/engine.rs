@@ -1,0 +1,321 @@
+//! One supervised filter sample on the belief `[v, w_f, w_r, theta_K, theta_h, theta_lambda]`,
+//! extended by relative errors of the two rolling radii where these are estimated.
+
+use super::coordinates::{Map, unknowns};
+use super::parameters::{Form, Kind, Parameters, Radii};
+use super::supervision::Supervision;
+use crate::filter::square_root::{absorb_diagonal, andrews, array, joseph, std_of};
+use crate::filter::srukf::{Gaussian, Spread, SpreadError, predict_linearised};
+use crate::model::wheel_loader::{Drive, Loader, Motion, Unknowns};
+use nalgebra::{SMatrix, SVector, Vector3};
+
+/// States of the belief as it is stored; without radii the last two are 0.
+pub const STATES: usize = 8;
+/// The belief as it is stored.
+pub type Belief = Gaussian<STATES>;
+/// Longest implicit step of the model, s.
+const LONGEST_STEP: f64 = 0.01;
+/// The random walks are declared per this time, s.
+const WALK_TIME: f64 = 0.01;
+/// Random walk of the motion while the estimates are held: v in m/s, w in rad/s.
+const HELD_WALK: [f64; 3] = [0.05, 0.2, 0.2];
+
+/// Everything that is fixed after construction.
+#[derive(Clone, Debug)]
+pub struct Engine {
+    /// The machine with the radii as given.
+    pub loader: Loader,
+    /// Coordinates of the unknowns.
+    pub map: Map,
+    /// Whether the radii are part of the belief.
+    pub radii: bool,
+    kind: Kind,
+    form: Form,
+    spread: Spread,
+    substeps: u32,
+    supervise: bool,
+    gate: f64,
+    gate_samples: u32,
+    process: SVector<f64, STATES>,
+    measurement: Vector3<f64>,
+    minimum: Vector3<f64>,
+    maximum: SVector<f64, 6>,
+    start: Belief,
+}
+
+/// What happened in one sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outcome {
+    /// Normalised innovation squared over the number of channels used.
+    pub nis: f64,
+    /// A channel was rejected by the gate.
+    pub gated: bool,
+    /// A channel was accepted after too many rejections.
+    pub reacquired: bool,
+}
+
+impl Engine {
+    /// Translates the parameters; they are already within their ranges.
+    pub fn new(p: &Parameters) -> Result<Self, SpreadError> {
+        let filter = &p.filter;
+        let radii = filter.radii == Radii::Estimated;
+        let n = if radii { STATES } else { 6 };
+        let map = Map::new(filter.parameters, &p.start);
+        let theta = map.coordinates(&unknowns(&p.start));
+        let slope = map.slope(&theta);
+        let walk = &filter.process_std;
+        let (low, high, first) = (&filter.minimum_std, &filter.maximum_std, &filter.start_std);
+        let radius_walk = if radii { filter.process_std.wheel_radius } else { 0.0 };
+        let radius_std = if radii { p.start.wheel_radius_std } else { 0.0 };
+        let unit = map.unit;
+        let mut mean = SVector::<f64, STATES>::zeros();
+        mean.fixed_rows_mut::<3>(3).copy_from(&theta);
+        let std = [
+            first.speed,
+            first.wheel_speed,
+            first.wheel_speed,
+            p.start.slip_stiffness_std / slope[0],
+            p.start.cg_height_std / slope[1],
+            p.start.cg_ratio_std / slope[2],
+            radius_std,
+            radius_std,
+        ];
+        Ok(Self {
+            loader: p.loader(),
+            map,
+            radii,
+            kind: filter.kind,
+            form: filter.form,
+            spread: Spread::new(n, filter.alpha, filter.beta, filter.kappa)?,
+            substeps: filter.substeps.max(1) as u32,
+            supervise: filter.supervise,
+            gate: filter.gate,
+            gate_samples: filter.gate_samples.max(0) as u32,
+            process: SVector::from([
+                walk.speed,
+                walk.wheel_speed,
+                walk.wheel_speed,
+                walk.slip_stiffness * unit[0],
+                walk.cg_height * unit[1],
+                walk.cg_ratio * unit[2],
+                radius_walk,
+                radius_walk,
+            ]),
+            measurement: Vector3::new(
+                filter.measurement_std.speed,
+                filter.measurement_std.wheel_speed,
+                filter.measurement_std.wheel_speed,
+            ),
+            minimum: Vector3::new(low.slip_stiffness, low.cg_height, low.cg_ratio).component_mul(&unit),
+            maximum: SVector::from([
+                high.speed,
+                high.wheel_speed,
+                high.wheel_speed,
+                high.slip_stiffness * unit[0],
+                high.cg_height * unit[1],
+                high.cg_ratio * unit[2],
+            ]),
+            start: Gaussian::independent(mean, &SVector::from(std)),
+        })
+    }
+
+    /// The belief before the first sample.
+    pub fn start(&self) -> &Belief {
+        &self.start
+    }
+
+    /// The unknowns of a belief.
+    pub fn unknowns(&self, mean: &SVector<f64, STATES>) -> Unknowns {
+        self.map.unknowns(&mean.fixed_rows::<3>(3).into_owned())
+    }
+
+    /// The machine with the radii of a belief.
+    pub fn corrected(&self, radius_errors: [f64; 2]) -> Loader {
+        let mut loader = self.loader;
+        loader.wheel_radius[0] *= 1.0 + radius_errors[0];
+        loader.wheel_radius[1] *= 1.0 + radius_errors[1];
+        loader
+    }
+
+    /// Sets the motion from the first measurement; a missing wheel speed follows from the speed and
+    /// the other way round.
+    pub fn begin(&self, belief: &mut Belief, y: &[f64; 3]) {
+        let r = self.loader.wheel_radius;
+        let rolling = (0..2).map(|i| r[i] * y[i + 1]).find(|speed| speed.is_finite());
+        let v = if y[0].is_finite() { y[0] } else { rolling.unwrap_or(0.0) };
+        let motion = [v, v / r[0], v / r[1]];
+        for i in 0..3 {
+            let measured = y[i].is_finite();
+            let std = if measured { self.start.factor[(i, i)] } else { self.maximum[i] };
+            belief.mean[i] = if measured { y[i] } else { motion[i] };
+            belief.factor.row_mut(i).fill(0.0);
+            belief.factor[(i, i)] = std;
+            // Nothing ties the unknowns to a motion that begins anew.
+            for row in 3..STATES {
+                belief.factor[(row, i)] = 0.0;
+            }
+        }
+    }
+
+    /// Takes one sample; `y` is NaN where nothing was measured.
+    pub fn sample(
+        &self,
+        belief: &Belief,
+        drive: &Drive,
+        y: &[f64; 3],
+        dt: f64,
+        supervision: &mut Supervision,
+    ) -> (Belief, Outcome) {
+        if self.radii {
+            return self.sample_states::<STATES>(belief, drive, y, dt, supervision);
+        }
+        let short = Gaussian {
+            mean: belief.mean.fixed_rows::<6>(0).into_owned(),
+            factor: belief.factor.fixed_view::<6, 6>(0, 0).into_owned(),
+        };
+        let (short, outcome) = self.sample_states::<6>(&short, drive, y, dt, supervision);
+        let mut belief = *belief;
+        belief.mean.fixed_rows_mut::<6>(0).copy_from(&short.mean);
+        belief.factor.fixed_view_mut::<6, 6>(0, 0).copy_from(&short.factor);
+        (belief, outcome)
+    }
+
+    fn sample_states<const N: usize>(
+        &self,
+        prior: &Gaussian<N>,
+        drive: &Drive,
+        y: &[f64; 3],
+        dt: f64,
+        supervision: &mut Supervision,
+    ) -> (Gaussian<N>, Outcome) {
+        let held = supervision.held;
+        let predicted = if held { self.hold(prior, dt) } else { self.predict(prior, drive, dt) };
+
+        // Channels: missing ones carry no information, far ones are rejected for a while.
+        let mut nu = Vector3::zeros();
+        let mut hs = SMatrix::<f64, 3, N>::zeros();
+        let mut noise = SMatrix::<f64, 3, 3>::identity();
+        let mut outcome = Outcome::default();
+        let mut used = 0;
+        let mut protect = held;
+        for i in 0..3 {
+            if !y[i].is_finite() {
+                continue;
+            }
+            let innovation = y[i] - predicted.mean[i];
+            let deviation = std_of(&predicted.factor, i).hypot(self.measurement[i]);
+            if self.supervise && innovation.abs() > self.gate * deviation {
+                supervision.masked[i] = supervision.masked[i].saturating_add(1);
+                if supervision.masked[i] <= self.gate_samples {
+                    outcome.gated = true;
+                    continue;
+                }
+                outcome.reacquired = true;
+                protect = true;
+            } else {
+                supervision.masked[i] = 0;
+            }
+            used += 1;
+            nu[i] = innovation;
+            noise[(i, i)] = self.measurement[i];
+            for j in 0..=i {
+                hs[(i, j)] = predicted.factor[(i, j)];
+            }
+        }
+
+        let mut posterior = predicted;
+        if used > 0 {
+            let update = match self.form {
+                Form::Andrews if !protect => andrews(&predicted.factor, &hs, &noise),
+                _ => array(&predicted.factor, &hs, &noise),
+            };
+            outcome.nis = update.whiten(&nu).norm_squared() / f64::from(used);
+            if protect {
+                let mut gain = update.gain();
+                for row in 3..N {
+                    gain.row_mut(row).fill(0.0);
+                }
+                posterior.mean += gain * nu;
+                posterior.factor = joseph(&predicted.factor, &hs, &noise, &gain);
+            } else {
+                posterior.mean += update.step(&nu);
+                posterior.factor = update.factor;
+            }
+        }
+        self.limit(&mut posterior);
+        (posterior, outcome)
+    }
+
+    /// Time update while nothing is learnt: the motion walks, the unknowns keep mean and covariance.
+    fn hold<const N: usize>(&self, prior: &Gaussian<N>, dt: f64) -> Gaussian<N> {
+        let scale = (dt / WALK_TIME).sqrt();
+        let q = SVector::<f64, N>::from_fn(|i, _| if i < 3 { HELD_WALK[i] * scale } else { 0.0 });
+        let mut predicted = *prior;
+        absorb_diagonal(&mut predicted.factor, &q);
+        predicted
+    }
+
+    fn predict<const N: usize>(&self, prior: &Gaussian<N>, drive: &Drive, dt: f64) -> Gaussian<N> {
+        let scale = (dt / WALK_TIME).sqrt();
+        let mut q = SVector::<f64, N>::from_fn(|i, _| self.process[i] * scale);
+        if self.supervise {
+            for i in 0..3 {
+                let short = self.minimum[i] * self.minimum[i] - std_of(&prior.factor, 3 + i).powi(2);
+                if short > 0.0 {
+                    q[3 + i] = (q[3 + i] * q[3 + i] + short).sqrt();
+                }
+            }
+        }
+        let substeps = self.substeps.max((dt / LONGEST_STEP - 1e-9).ceil() as u32);
+        let theta = |z: &SVector<f64, N>| Vector3::new(z[3], z[4], z[5]);
+        let loader = |z: &SVector<f64, N>| if N > 6 { self.corrected([z[6], z[7]]) } else { self.loader };
+        match self.kind {
+            Kind::SquareRootUnscented => self.spread.predict(prior, &q, |z| {
+                let motion = Motion::new(z[0], z[1], z[2]);
+                let moved = loader(z).advance(&motion, &self.map.unknowns(&theta(z)), drive, dt, substeps);
+                let mut z = *z;
+                z.fixed_rows_mut::<3>(0).copy_from(&moved);
+                z
+            }),
+            Kind::Extended => {
+                let mut mean = prior.mean;
+                let motion = Motion::new(mean[0], mean[1], mean[2]);
+                let slope = self.map.slope(&theta(&mean));
+                let unknowns = self.map.unknowns(&theta(&mean));
+                let (moved, j) = loader(&mean).advance_linearised(&motion, &unknowns, drive, dt, substeps);
+                let mut f = SMatrix::<f64, N, N>::identity();
+                for row in 0..3 {
+                    for k in 0..3 {
+                        f[(row, k)] = j.motion[(row, k)];
+                        f[(row, 3 + k)] = j.unknowns[(row, k)] * slope[k];
+                    }
+                    if N > 6 {
+                        f[(row, 6)] = j.radii[(row, 0)] / (1.0 + mean[6]);
+                        f[(row, 7)] = j.radii[(row, 1)] / (1.0 + mean[7]);
+                    }
+                }
+                mean.fixed_rows_mut::<3>(0).copy_from(&moved);
+                predict_linearised(mean, &f, &prior.factor, &q)
+            }
+        }
+    }
+
+    /// Clips direct coordinates and caps the standard deviations.
+    fn limit<const N: usize>(&self, belief: &mut Gaussian<N>) {
+        let mut theta = Vector3::new(belief.mean[3], belief.mean[4], belief.mean[5]);
+        self.map.clip(&mut theta);
+        belief.mean.fixed_rows_mut::<3>(3).copy_from(&theta);
+        if !self.supervise {
+            return;
+        }
+        for i in 0..6 {
+            let std = std_of(&belief.factor, i);
+            if std > self.maximum[i] {
+                let scale = self.maximum[i] / std;
+                for j in 0..=i {
+                    belief.factor[(i, j)] *= scale;
+                }
+            }
+        }
+    }
+}

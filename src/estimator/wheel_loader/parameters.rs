@@ -1,0 +1,326 @@
+//! The declared parameters, inputs and outputs of the wheel loader's estimator.
+
+use crate::Status;
+use crate::model::wheel_loader::Loader;
+
+choice! {
+    /// Kind of the filter's time update.
+    pub enum Kind { SquareRootUnscented = "srukf", Extended = "ekf" }
+}
+
+choice! {
+    /// Form of the measurement update; all forms agree in exact arithmetic.
+    pub enum Form { Array = "array", Andrews = "andrews" }
+}
+
+choice! {
+    /// Coordinates in which the unknowns are estimated.
+    pub enum Coordinates { Logit = "logit", Direct = "direct" }
+}
+
+choice! {
+    /// Whether the rolling radii are taken as they are or corrected online.
+    pub enum Radii { Fixed = "fixed", Estimated = "estimated" }
+}
+
+variables! {
+    /// The machine.
+    pub struct Machine {
+        /// Mass of the machine with its load.
+        mass: f64 = 4700.0, "kg", [50.0, 1e6];
+        /// Wheelbase.
+        wheelbase: f64 = 2.2, "m", [0.2, 20.0];
+        /// Rolling radius of the front wheels at zero torque. A front to rear mismatch of 0.3 % spoils the centre of gravity.
+        wheel_radius_front: f64 = 0.55, "m", [0.05, 3.0];
+        /// Rolling radius of the rear wheels at zero torque.
+        wheel_radius_rear: f64 = 0.55, "m", [0.05, 3.0];
+        /// Inertia of the front axle with its drive, seen at the wheels.
+        axle_inertia_front: f64 = 36.0, "kg.m2", [1e-3, 1e5];
+        /// Inertia of the rear axle with its drive, seen at the wheels.
+        axle_inertia_rear: f64 = 36.0, "kg.m2", [1e-3, 1e5];
+        /// Distance of the bucket's tip ahead of the front axle.
+        bucket_reach: f64 = 1.6, "m", [-5.0, 20.0];
+        /// Height of the bucket's tip above ground, where the spading force acts.
+        bucket_height: f64 = 0.0, "m", [-5.0, 20.0];
+        /// Lower limit of the load transfer's denominator; a numerical guard.
+        transfer_floor: f64 = 0.1, "1", [1e-3, 1.0];
+    }
+}
+
+variables! {
+    /// Rolling resistance.
+    pub struct Rolling {
+        /// Rolling resistance over axle load.
+        coefficient: f64 = 0.03, "1", [0.0, 0.5];
+        /// Speed over which the resistance changes its sign smoothly.
+        smoothing_speed: f64 = 0.05, "m/s", [1e-4, 1.0];
+    }
+}
+
+variables! {
+    /// The tyres.
+    pub struct Tire {
+        /// Largest friction coefficient; 1000 and more makes the tyre linear.
+        friction: f64 = 0.75, "1", [0.05, 1e6];
+        /// Speed below which slip is no longer relative to the speed.
+        slip_speed: f64 = 0.3, "m/s", [1e-3, 5.0];
+    }
+}
+
+variables! {
+    /// What is assumed of the unknowns before the first sample.
+    pub struct Start {
+        /// Slip stiffness: longitudinal force over axle load and slip.
+        slip_stiffness: f64 = 19.0, "1", [2.01, 79.9];
+        /// Standard deviation of the slip stiffness.
+        slip_stiffness_std: f64 = 10.0, "1", [1e-6, 40.0];
+        /// Height of the centre of gravity above ground.
+        cg_height: f64 = 0.95, "m", [0.301, 2.499];
+        /// Standard deviation of the height of the centre of gravity.
+        cg_height_std: f64 = 0.16, "m", [1e-6, 2.0];
+        /// Distance of the centre of gravity to the rear axle over the wheelbase: the front axle's share of the static load.
+        cg_ratio: f64 = 0.45, "1", [0.101, 0.899];
+        /// Standard deviation of the centre of gravity's ratio.
+        cg_ratio_std: f64 = 0.1, "1", [1e-6, 0.5];
+        /// Relative standard deviation of each rolling radius as given; used if the radii are corrected online.
+        wheel_radius_std: f64 = 1e-3, "1", [1e-7, 0.05];
+    }
+}
+
+variables! {
+    /// One standard deviation per state of the motion and per unknown.
+    pub struct ProcessStd {
+        /// Process noise of the speed per 10 ms.
+        speed: f64 = 0.01, "m/s", [0.0, 10.0];
+        /// Process noise of the wheel speeds per 10 ms.
+        wheel_speed: f64 = 0.02, "rad/s", [0.0, 100.0];
+        /// Random walk of the slip stiffness per 10 ms, in logit units; with direct coordinates scaled by the logit's slope at the start value.
+        slip_stiffness: f64 = 1.5e-3, "1", [0.0, 1.0];
+        /// Random walk of the centre of gravity's height per 10 ms, in logit units.
+        cg_height: f64 = 3e-4, "1", [0.0, 1.0];
+        /// Random walk of the centre of gravity's ratio per 10 ms, in logit units.
+        cg_ratio: f64 = 7e-4, "1", [0.0, 1.0];
+        /// Relative random walk of the rolling radii per 10 ms.
+        wheel_radius: f64 = 1e-6, "1", [0.0, 1e-2];
+    }
+}
+
+variables! {
+    /// Noise of the measurements.
+    pub struct MeasurementStd {
+        /// Noise of the speed per sample; larger than the sensor's own, because the tyres bounce.
+        speed: f64 = 0.03, "m/s", [1e-6, 10.0];
+        /// Noise of the wheel speeds per sample; larger than the sensors' own, because the tyres bounce.
+        wheel_speed: f64 = 0.05, "rad/s", [1e-6, 100.0];
+    }
+}
+
+variables! {
+    /// Standard deviations of the motion at the first sample.
+    pub struct MotionStd {
+        /// Standard deviation of the speed.
+        speed: f64 = 0.05, "m/s", [1e-6, 10.0];
+        /// Standard deviation of the wheel speeds.
+        wheel_speed: f64 = 0.1, "rad/s", [1e-6, 100.0];
+    }
+}
+
+variables! {
+    /// Lower limits of the unknowns' standard deviations, in logit units.
+    pub struct MinimumStd {
+        /// Of the slip stiffness.
+        slip_stiffness: f64 = 0.02, "1", [0.0, 10.0];
+        /// Of the centre of gravity's height.
+        cg_height: f64 = 0.02, "1", [0.0, 10.0];
+        /// Of the centre of gravity's ratio.
+        cg_ratio: f64 = 0.01, "1", [0.0, 10.0];
+    }
+}
+
+variables! {
+    /// Upper limits of the standard deviations.
+    pub struct MaximumStd {
+        /// Of the speed.
+        speed: f64 = 1.0, "m/s", [1e-3, 100.0];
+        /// Of the wheel speeds.
+        wheel_speed: f64 = 5.0, "rad/s", [1e-3, 1e3];
+        /// Of the slip stiffness, in logit units.
+        slip_stiffness: f64 = 1.5, "1", [1e-3, 10.0];
+        /// Of the centre of gravity's height, in logit units.
+        cg_height: f64 = 0.5, "1", [1e-3, 10.0];
+        /// Of the centre of gravity's ratio, in logit units.
+        cg_ratio: f64 = 1.0, "1", [1e-3, 10.0];
+    }
+}
+
+variables! {
+    /// When samples teach nothing about the unknowns.
+    pub struct Hold {
+        /// Active estimation stops below this speed.
+        stop_speed: f64 = 0.4, "m/s", [0.0, 10.0];
+        /// Held estimation goes on above this speed.
+        resume_speed: f64 = 0.6, "m/s", [0.0, 10.0];
+        /// Measured slip beyond which a wheel spins.
+        slip: f64 = 0.12, "1", [1e-3, 10.0];
+        /// Successive samples without any measurement, or with an input that had to be replaced, after which the estimates are held.
+        samples: i32 = 50, "1", [0, 1_000_000];
+    }
+}
+
+variables! {
+    /// The filter.
+    pub struct Filter {
+        /// Time update by sigma points or by linearisation.
+        kind: Kind = Kind::SquareRootUnscented, "1";
+        /// Measurement update by one orthogonal transformation or by Andrews' formula.
+        form: Form = Form::Array, "1";
+        /// Unknowns as logits, which cannot leave their range, or as they are and clipped.
+        parameters: Coordinates = Coordinates::Logit, "1";
+        /// Whether the rolling radii are corrected online.
+        radii: Radii = Radii::Fixed, "1";
+        /// Spread of the sigma points.
+        alpha: f64 = 1.0, "1", [1e-4, 10.0];
+        /// Weight of the fourth moment; at least alpha squared.
+        beta: f64 = 2.0, "1", [0.0, 100.0];
+        /// Second spread of the sigma points.
+        kappa: f64 = 0.0, "1", [-5.0, 100.0];
+        /// Implicit steps of the model per sample; more are taken where one would be longer than 10 ms.
+        substeps: i32 = 2, "1", [1, 100];
+        /// Whether a sample's drive is the mean of the last two inputs (true) or the last one.
+        interpolate_inputs: bool = true, "1";
+        /// Hold, gates, limits of the standard deviations and the check of slip against torque; off only for comparisons.
+        supervise: bool = true, "1";
+        /// Innovations beyond so many standard deviations are rejected.
+        gate: f64 = 6.0, "1", [1.0, 1e6], tunable;
+        /// Largest number of successive rejections per channel; after it the motion follows the measurement again.
+        gate_samples: i32 = 20, "1", [0, 1_000_000];
+        /// Process noise.
+        process_std: ProcessStd;
+        /// Measurement noise.
+        measurement_std: MeasurementStd;
+        /// Motion at the first sample.
+        start_std: MotionStd;
+        /// Lower limits.
+        minimum_std: MinimumStd;
+        /// Upper limits.
+        maximum_std: MaximumStd;
+    }
+}
+
+variables! {
+    /// All parameters.
+    pub struct Parameters {
+        /// Time between two samples.
+        sample_period: f64 = 0.01, "s", [1e-4, 0.5];
+        /// The machine.
+        loader: Machine;
+        /// Rolling resistance.
+        rolling: Rolling;
+        /// The tyres.
+        tire: Tire;
+        /// Prior knowledge of the unknowns.
+        start: Start;
+        /// When the estimates are held.
+        hold: Hold;
+        /// The filter.
+        filter: Filter;
+        /// Standard deviation of the centre of gravity's ratio up to which the estimates count as healthy.
+        healthy_std: f64 = 0.05, "1", [1e-6, 1.0], tunable;
+    }
+}
+
+variables! {
+    /// What is measured.
+    pub struct Inputs {
+        /// Net drive torque of the front axle at the wheels, positive forward. A missing sample keeps the last value for a while, then the estimates are held.
+        torque_front: f64 = 0.0, "N.m", measured;
+        /// Net drive torque of the rear axle at the wheels, positive forward. A missing sample keeps the last value for a while.
+        torque_rear: f64 = 0.0, "N.m", measured;
+        /// Magnitude of the front axle's brake torque. A missing sample keeps the last value for a while.
+        brake_front: f64 = 0.0, "N.m", measured;
+        /// Magnitude of the rear axle's brake torque. A missing sample keeps the last value for a while.
+        brake_rear: f64 = 0.0, "N.m", measured;
+        /// Slope, positive uphill. A missing sample keeps the last value for a while.
+        slope: f64 = 0.0, "rad", measured;
+        /// Spading force at the bucket's tip, positive when it pushes the machine backwards. A missing sample keeps the last value for a while.
+        spading_force_x: f64 = 0.0, "N", measured;
+        /// Spading force at the bucket's tip, positive when it pulls the bucket down. A missing sample keeps the last value for a while.
+        spading_force_z: f64 = 0.0, "N", measured;
+        /// Speed over ground; NaN is a missing sample.
+        speed: f64 = 0.0, "m/s", measured;
+        /// Wheel speed of the front axle; NaN is a missing sample.
+        wheel_speed_front: f64 = 0.0, "rad/s", measured;
+        /// Wheel speed of the rear axle; NaN is a missing sample.
+        wheel_speed_rear: f64 = 0.0, "rad/s", measured;
+    }
+}
+
+variables! {
+    /// What is estimated.
+    pub struct Outputs {
+        /// Distance of the centre of gravity to the rear axle over the wheelbase. Geometric: acceleration does not move it.
+        cg_ratio: f64 = 0.45, "1";
+        /// Standard deviation of the centre of gravity's ratio.
+        cg_ratio_std: f64 = 0.1, "1";
+        /// Height of the centre of gravity above ground. Only changing acceleration reveals it; read it with its standard deviation.
+        cg_height: f64 = 0.95, "m";
+        /// Standard deviation of the height of the centre of gravity.
+        cg_height_std: f64 = 0.16, "m";
+        /// Distance of the centre of gravity to the rear axle.
+        cg_to_rear_axle: f64 = 0.99, "m";
+        /// Standard deviation of the distance of the centre of gravity to the rear axle.
+        cg_to_rear_axle_std: f64 = 0.22, "m";
+        /// Slip stiffness of the tyres: longitudinal force over axle load and slip.
+        slip_stiffness: f64 = 19.0, "1";
+        /// Standard deviation of the slip stiffness.
+        slip_stiffness_std: f64 = 10.0, "1";
+        /// Front axle's share of the present load, which moves with acceleration, slope and spading.
+        load_ratio: f64 = 0.45, "1";
+        /// Standard deviation of the front axle's share of the load.
+        load_ratio_std: f64 = 0.1, "1";
+        /// Rolling radius of the front wheels, as given or as corrected online.
+        wheel_radius_front: f64 = 0.55, "m";
+        /// Standard deviation of the front rolling radius; 0 if the radii are taken as given.
+        wheel_radius_front_std: f64 = 0.0, "m";
+        /// Rolling radius of the rear wheels, as given or as corrected online.
+        wheel_radius_rear: f64 = 0.55, "m";
+        /// Standard deviation of the rear rolling radius; 0 if the radii are taken as given.
+        wheel_radius_rear_std: f64 = 0.0, "m";
+        /// Speed over ground.
+        speed_estimate: f64 = 0.0, "m/s";
+        /// Standard deviation of the speed.
+        speed_estimate_std: f64 = 0.05, "m/s";
+        /// The unknowns are held: standstill, a spinning wheel, no data, or slip that contradicts the torque.
+        hold: bool = true, "1";
+        /// The data have at least halved the standard deviation that the height of the centre of gravity started with.
+        cg_height_observable: bool = false, "1";
+        /// Torque acts but the measured slip is smaller than any tyre allows, or has the wrong sign: a sensor or a radius is wrong.
+        slip_inconsistent: bool = false, "1";
+        /// Normalised innovation squared per channel of the last sample; near 1 if the noise settings fit.
+        nis: f64 = 0.0, "1";
+        /// Conditions of the last sample as a bit field.
+        status: Status = Status::OK, "1";
+        /// The centre of gravity's ratio is known well enough and the inputs are sound.
+        healthy: bool = false, "1";
+    }
+}
+
+impl Parameters {
+    /// The machine for the model.
+    pub fn loader(&self) -> Loader {
+        let (machine, tire) = (&self.loader, &self.tire);
+        Loader {
+            mass: machine.mass,
+            wheelbase: machine.wheelbase,
+            wheel_radius: [machine.wheel_radius_front, machine.wheel_radius_rear],
+            axle_inertia: [machine.axle_inertia_front, machine.axle_inertia_rear],
+            bucket_reach: machine.bucket_reach,
+            bucket_height: machine.bucket_height,
+            rolling: self.rolling.coefficient,
+            friction: if tire.friction >= 1e3 { f64::INFINITY } else { tire.friction },
+            slip_speed: tire.slip_speed,
+            sign_speed: self.rolling.smoothing_speed,
+            transfer_floor: machine.transfer_floor,
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! What the belief says about the machine now and a little ahead.
+
+use super::engine::{Engine, STATES};
+use super::{Inputs, Outputs, Status, WheelLoader};
+use crate::filter::square_root::std_of;
+use crate::filter::srukf::Gaussian;
+use crate::model::wheel_loader::{GRAVITY, Loader, Motion, Unknowns};
+use nalgebra::{SVector, Vector3};
+
+impl WheelLoader {
+    /// Conditions that follow from the belief alone.
+    pub(super) fn report_status(&self) -> Status {
+        let mut status = Status::OK;
+        let unknowns = self.engine.unknowns(&self.state.belief.mean);
+        status.raise_if(!self.height_observable(), Status::UNOBSERVABLE);
+        status.raise_if(self.engine.map.at_bound(&unknowns), Status::AT_BOUND);
+        if !self.state.supervision.held {
+            let (machine, motion) = self.machine_and_motion();
+            status.raise_if(machine.rates(&motion, &unknowns, &self.state.drive).lift, Status::LIFT_OFF);
+        }
+        status
+    }
+
+    fn machine_and_motion(&self) -> (Loader, Motion) {
+        let mean = &self.state.belief.mean;
+        (self.engine.corrected([mean[6], mean[7]]), Motion::new(mean[0], mean[1], mean[2]))
+    }
+
+    /// Standard deviations of `[K, h, lambda]`.
+    fn unknown_std(&self) -> Vector3<f64> {
+        unknown_std(&self.engine, &self.state.belief)
+    }
+
+    fn height_observable(&self) -> bool {
+        self.unknown_std()[1] < 0.5 * unknown_std(&self.engine, self.engine.start())[1]
+    }
+
+    /// Fills the outputs, the motion carried `ahead` seconds forward with `inputs` held.
+    pub(super) fn report(&self, inputs: &Inputs, ahead: f64, out: &mut Outputs) {
+        let (state, engine) = (&self.state, &self.engine);
+        let held = state.supervision.held;
+        let unknowns = engine.unknowns(&state.belief.mean);
+        let std = self.unknown_std();
+        let (machine, mut motion) = self.machine_and_motion();
+        let (drive, _) = self.drive(inputs, &mut Status::default());
+        if state.started && !held && ahead > 0.0 && ahead.is_finite() {
+            let substeps = (ahead / 0.005).ceil().clamp(1.0, 1000.0) as u32;
+            let moved = machine.advance(&motion, &unknowns, &drive, ahead, substeps);
+            if moved.iter().all(|value| value.is_finite()) {
+                motion = moved;
+            }
+        }
+
+        out.slip_stiffness = unknowns[0];
+        out.slip_stiffness_std = std[0];
+        out.cg_height = unknowns[1];
+        out.cg_height_std = std[1];
+        out.cg_ratio = unknowns[2];
+        out.cg_ratio_std = std[2];
+        out.cg_to_rear_axle = unknowns[2] * machine.wheelbase;
+        out.cg_to_rear_axle_std = std[2] * machine.wheelbase;
+        out.wheel_radius_front = machine.wheel_radius[0];
+        out.wheel_radius_rear = machine.wheel_radius[1];
+        out.wheel_radius_front_std = engine.loader.wheel_radius[0] * std_of(&state.belief.factor, 6);
+        out.wheel_radius_rear_std = engine.loader.wheel_radius[1] * std_of(&state.belief.factor, 7);
+        out.speed_estimate = motion[0];
+        out.speed_estimate_std = std_of(&state.belief.factor, 0);
+        let standing = !state.started || state.status.contains(Status::STANDSTILL);
+        (out.load_ratio, out.load_ratio_std) =
+            load_ratio(engine, &state.belief, &machine, &motion, &unknowns, &drive, standing);
+        out.hold = held;
+        out.cg_height_observable = self.height_observable();
+        out.slip_inconsistent = state.supervision.evidence.contradicts;
+        out.nis = state.nis;
+        out.status = state.status;
+        let limit = self.parameters.hold.samples.max(0) as u32;
+        out.healthy = state.started
+            && state.supervision.lost <= limit
+            && state.supervision.stale <= limit
+            && !state.supervision.evidence.contradicts
+            && std[2] <= self.parameters.healthy_std;
+    }
+}
+
+fn unknown_std(engine: &Engine, belief: &Gaussian<STATES>) -> Vector3<f64> {
+    let slope = engine.map.slope(&belief.mean.fixed_rows::<3>(3).into_owned());
+    Vector3::from_fn(|i, _| slope[i] * std_of(&belief.factor, 3 + i))
+}
+
+/// Front axle's share of the load with its standard deviation. A standing machine carries itself
+/// and the slope only: slip says nothing there.
+fn load_ratio(
+    engine: &Engine,
+    belief: &Gaussian<STATES>,
+    machine: &Loader,
+    motion: &Motion,
+    unknowns: &Unknowns,
+    drive: &crate::model::wheel_loader::Drive,
+    standing: bool,
+) -> (f64, f64) {
+    let (sin, cos) = drive.slope.sin_cos();
+    let (m, l) = (machine.mass, machine.wheelbase);
+    let total = (m * GRAVITY * cos + drive.force_z).max(1e-3 * m * GRAVITY);
+    let mut gradient = SVector::<f64, STATES>::zeros();
+    let (point, _) = machine.linearise(motion, unknowns, drive);
+    let front = if standing || point.lift {
+        gradient[4] = -m * GRAVITY * sin / l;
+        gradient[5] = m * GRAVITY * cos;
+        m * GRAVITY * (unknowns[2] * cos - unknowns[1] / l * sin) + drive.force_z * (l + machine.bucket_reach) / l
+            - drive.force_x * machine.bucket_height / l
+    } else {
+        gradient.fixed_rows_mut::<6>(0).copy_from_slice(&point.load_slope);
+        gradient[6] = point.load_slope[1] * motion[1];
+        gradient[7] = point.load_slope[2] * motion[2];
+        point.load[0]
+    };
+    let front = if point.lift && !standing { point.load[0] } else { front };
+    let slope = engine.map.slope(&belief.mean.fixed_rows::<3>(3).into_owned());
+    for i in 0..3 {
+        gradient[3 + i] *= slope[i];
+    }
+    let std = (belief.factor.transpose() * gradient).norm() / total;
+    ((front / total).clamp(0.0, 1.0), std)
+}

@@ -1,0 +1,138 @@
+//! When the unknowns are held, and whether slip and torque can both be true.
+
+use super::parameters::Hold;
+use crate::model::wheel_loader::{Drive, GRAVITY, Loader, slip};
+use serde::{Deserialize, Serialize};
+
+/// Torque share `|T|/(r m g)` from which an axle must slip measurably.
+const TORQUE_SHARE: f64 = 0.005;
+/// Time under torque before a verdict, s.
+const VERDICT_TIME: f64 = 5.0;
+/// Memory of the slip statistic, s.
+const MEMORY: f64 = 10.0;
+/// Standard errors between the slip that was seen and the least that a tyre must show.
+const CONFIDENCE: f64 = 2.5;
+
+/// The supervision's memory.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Supervision {
+    /// The unknowns are held.
+    pub held: bool,
+    /// Successive rejections per channel.
+    pub masked: [u32; 3],
+    /// Successive samples without any measurement.
+    pub lost: u32,
+    /// Successive samples whose drive had to be replaced.
+    pub stale: u32,
+    /// Slip against torque.
+    pub evidence: SlipEvidence,
+}
+
+impl Default for Supervision {
+    fn default() -> Self {
+        Self { held: true, masked: [0; 3], lost: 0, stale: 0, evidence: SlipEvidence::default() }
+    }
+}
+
+/// Why the unknowns are held.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Reasons {
+    /// Slower than the machine must be.
+    pub standstill: bool,
+    /// A wheel spins or locks.
+    pub spin: bool,
+    /// Neither measurements nor drive for too long.
+    pub lost: bool,
+}
+
+impl Supervision {
+    /// Decides whether the coming sample is held. `y` is NaN where nothing was measured and `motion`
+    /// the estimate before the sample.
+    pub fn decide(&mut self, hold: &Hold, loader: &Loader, y: &[f64; 3], motion: &[f64; 3]) -> Reasons {
+        let seen = |i: usize| if y[i].is_finite() { y[i] } else { motion[i] };
+        let speed = seen(0).abs().min(motion[0].abs());
+        let threshold = if self.held { hold.resume_speed } else { hold.stop_speed };
+        let limit = hold.samples.max(0) as u32;
+        let reasons = Reasons {
+            standstill: speed < threshold,
+            spin: (0..2)
+                .any(|i| slip(seen(0), seen(i + 1), loader.wheel_radius[i], loader.slip_speed).0.abs() > hold.slip),
+            lost: self.lost > limit || self.stale > limit,
+        };
+        self.held = reasons.standstill || reasons.spin || reasons.lost || self.evidence.contradicts;
+        reasons
+    }
+}
+
+/// Regression of the measured slip on the friction that the torque demands, with fading memory.
+///
+/// Slip must be at least the demand over the largest slip stiffness that the tyre can have. The mean
+/// of `|slip|` cannot tell: at usual torques it is smaller than its own noise. The regression's
+/// slope over some seconds can: its standard error falls with the square root of the samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SlipEvidence {
+    samples: f64,
+    slip_demand: f64,
+    demand_demand: f64,
+    slip_slip: f64,
+    time: f64,
+    /// Slip and torque contradict each other.
+    pub contradicts: bool,
+}
+
+impl SlipEvidence {
+    /// Takes the measured slip of a moving machine; returns true at the sample that raises the flag.
+    pub fn take(
+        &mut self,
+        loader: &Loader,
+        drive: &Drive,
+        y: &[f64; 3],
+        ratio: f64,
+        largest_stiffness: f64,
+        dt: f64,
+    ) -> bool {
+        if !y.iter().all(|value| value.is_finite()) {
+            return false;
+        }
+        let forget = (-dt / MEMORY).exp();
+        let weight = loader.mass * GRAVITY;
+        let mut torque_acts = false;
+        for i in 0..2 {
+            let force = (drive.torque[i] - drive.brake[i] * y[i + 1].signum()) / loader.wheel_radius[i];
+            if force.abs() <= TORQUE_SHARE * weight {
+                continue;
+            }
+            if !torque_acts {
+                torque_acts = true;
+                self.samples *= forget;
+                self.slip_demand *= forget;
+                self.demand_demand *= forget;
+                self.slip_slip *= forget;
+            }
+            let demand = force / (weight * if i == 0 { ratio } else { 1.0 - ratio });
+            let (sigma, ..) = slip(y[0], y[i + 1], loader.wheel_radius[i], loader.slip_speed);
+            self.samples += 1.0;
+            self.slip_demand += sigma * demand;
+            self.demand_demand += demand * demand;
+            self.slip_slip += sigma * sigma;
+        }
+        if !torque_acts {
+            return false;
+        }
+        self.time += dt;
+        if self.time < VERDICT_TIME {
+            return false;
+        }
+        let slope = self.slip_demand / self.demand_demand;
+        let residual = (self.slip_slip - slope * self.slip_demand).max(0.0) / self.samples;
+        let error = (residual / self.demand_demand).sqrt();
+        let least = 1.0 / largest_stiffness;
+        let raised = !self.contradicts && slope + CONFIDENCE * error < least;
+        if raised {
+            self.contradicts = true;
+        } else if self.contradicts && slope - error > least {
+            self.contradicts = false;
+        }
+        raised
+    }
+}
