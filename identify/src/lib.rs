@@ -5,6 +5,7 @@
 //!         simulate/ (plants + noise -> logs)                          tune/ (noise by replay)
 //! ```
 
+pub mod assess;
 pub mod cli;
 pub mod log;
 pub mod output;
@@ -12,4 +13,5 @@ pub mod progress;
 pub mod report;
 pub mod request;
 pub mod simulate;
+pub mod solve;
 pub mod vehicle;

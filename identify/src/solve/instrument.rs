@@ -1,0 +1,113 @@
+//! Instrumental variables: consistent estimates where the regressors themselves are noisy.
+//!
+//! With instruments `z` that are independent of the noise, `E[z (y - a'theta)] = 0`. The moments
+//! `m(theta) = Z'y - Z'A theta` are minimised in the metric of their own covariance,
+//! `min |W m(theta)|^2`, `W'W = S^-1`, under the constraints, and `S` is re-estimated twice. `S` sums the
+//! moments of a cluster before squaring, so rows of one instant may share noise.
+
+use super::compress::Compressor;
+use super::conic::Feasible;
+use super::{Regression, Rows, Solution, SolveError, dot, polish};
+use crate::assess;
+use nalgebra::{DMatrix, DVector};
+use std::collections::BTreeMap;
+
+/// Reweightings after the first solve.
+const REWEIGHTINGS: usize = 2;
+
+/// Solves a regression all of whose groups carry instruments.
+pub fn solve(regression: &Regression) -> Result<Solution, SolveError> {
+    let n = regression.unknowns.len();
+    let groups: Vec<&Rows> = regression.groups.iter().filter(|group| !group.instruments.is_empty()).collect();
+    let rows: usize = groups.iter().map(|group| group.len()).sum();
+    let mut g = DMatrix::<f64>::zeros(n, n);
+    let mut b = DVector::<f64>::zeros(n);
+    let mut s = DMatrix::<f64>::zeros(n, n);
+    for group in &groups {
+        for i in 0..group.len() {
+            let (row, z) = (DVector::from_column_slice(group.row(i)), instruments(group, i));
+            g.ger(1.0, &z, &row, 1.0);
+            b.axpy(group.y[i], &z, 1.0);
+            s.ger(1.0, &z, &z, 1.0);
+        }
+    }
+    // Unknowns scaled so that each column of Z'A has unit size.
+    let scale: Vec<f64> = g.column_iter().map(|column| column.norm()).map(|size| if size > 0.0 { size } else { 1.0 }).collect();
+    let bounds: Vec<_> = regression.unknowns.iter().map(|unknown| (unknown.lower, unknown.upper)).collect();
+    let feasible = Feasible::new(&bounds, &regression.constraints, &scale);
+    let singular = || SolveError::Solver { regression: regression.name.clone(), status: "singular instruments".to_owned() };
+    let mut pass = 0;
+    let (theta, minimum, whitened) = loop {
+        let factor = s.clone().cholesky().ok_or_else(singular)?.unpack();
+        let whitened = factor.solve_lower_triangular(&g).ok_or_else(singular)?;
+        let target = factor.solve_lower_triangular(&b).ok_or_else(singular)?;
+        let mut compressor = Compressor::new(n);
+        for i in 0..n {
+            let row: Vec<f64> = (0..n).map(|j| whitened[(i, j)] / scale[j]).collect();
+            compressor.push(&row, target[i], 1.0);
+        }
+        for (index, unknown) in regression.unknowns.iter().enumerate() {
+            if let Some((mean, std)) = unknown.prior {
+                let mut row = vec![0.0; n];
+                row[index] = 1.0 / (std * scale[index]);
+                compressor.push(&row, mean / std, 1.0);
+            }
+        }
+        let minimum = polish::quadratic(&regression.name, &compressor.finish(), &vec![0.0; n], &feasible)?;
+        let theta: Vec<f64> = minimum.z.iter().zip(&scale).map(|(z, scale)| z / scale).collect();
+        s = moment_covariance(&groups, &theta);
+        if pass == REWEIGHTINGS {
+            break (theta, minimum, whitened);
+        }
+        pass += 1;
+    };
+    let mut at_bound = vec![false; n];
+    for ((row, active), bound_of) in feasible.half_spaces.iter().zip(&minimum.active).zip(&feasible.bound_of) {
+        if *active {
+            match bound_of {
+                Some(index) => at_bound[*index] = true,
+                None => row.terms.iter().for_each(|&(index, _)| at_bound[index] = true),
+            }
+        }
+    }
+    let mut information = whitened.transpose() * &whitened;
+    for (index, unknown) in regression.unknowns.iter().enumerate() {
+        if let Some((_, std)) = unknown.prior {
+            information[(index, index)] += 1.0 / (std * std);
+        }
+    }
+    let covariance = assess::inverse(&information);
+    Ok(Solution {
+        name: regression.name.clone(),
+        correlation: assess::correlation(&covariance),
+        condition_number: assess::condition_number(&whitened),
+        residuals: regression.groups.iter().map(|group| group.residuals(&theta)).collect(),
+        scales: regression.groups.iter().map(|group| super::robust::deviation(&group.residuals(&theta), &group.y)).collect(),
+        bias: vec![0.0; n],
+        cost: Vec::new(),
+        accuracy: minimum.accuracy,
+        covariance,
+        at_bound,
+        theta,
+        rows,
+    })
+}
+
+fn instruments(group: &Rows, index: usize) -> DVector<f64> {
+    DVector::from_column_slice(&group.instruments[index * group.columns..(index + 1) * group.columns])
+}
+
+/// Sum over clusters of the outer product of the cluster's summed moments.
+fn moment_covariance(groups: &[&Rows], theta: &[f64]) -> DMatrix<f64> {
+    let n = theta.len();
+    let mut sums: BTreeMap<u32, DVector<f64>> = BTreeMap::new();
+    for group in groups {
+        for i in 0..group.len() {
+            let residual = group.y[i] - dot(group.row(i), theta);
+            sums.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)).axpy(residual, &instruments(group, i), 1.0);
+        }
+    }
+    let mut s = DMatrix::zeros(n, n);
+    sums.values().for_each(|sum| s.ger(1.0, sum, sum, 1.0));
+    s
+}

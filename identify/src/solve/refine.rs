@@ -1,0 +1,241 @@
+//! Sequential convex refinement: output error and other smooth residuals.
+//!
+//! At the current point the residuals are linearised, and the step minimises the robust cost of the
+//! linear model in Clarabel under the bounds and a trust region (a second-order cone, or a box). A step
+//! that lowers the true cost enough is taken and the trust region grows; otherwise it shrinks.
+//! Equations: Gauss-Newton with Huber rows, one convex program per step.
+
+use super::{Affine, Constraint, HUBER_DELTA, Loss, Options, Regression, Rows, Scale, Solution, SolveError, Unknown, robust};
+use crate::assess;
+use rayon::prelude::*;
+
+/// A group of residuals of one unit.
+#[derive(Clone, Debug)]
+pub struct SmoothGroup {
+    /// Name for reports.
+    pub name: String,
+    /// Unit of the residuals.
+    pub unit: &'static str,
+    /// Noise level; a robust one is estimated from the residuals after each pass.
+    pub scale: Scale,
+    /// Consecutive rows whose noise may be correlated.
+    pub cluster_rows: usize,
+}
+
+/// Shape of the trust region of steps `d`, in units of the typical sizes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TrustNorm {
+    /// `|d / typical|_2 <= radius`, a second-order cone.
+    Euclidean,
+    /// `|d_i / typical_i| <= radius` for every unknown.
+    Box,
+}
+
+/// The trust region.
+#[derive(Clone, Copy, Debug)]
+pub struct Trust {
+    /// First radius.
+    pub radius: f64,
+    /// Largest radius.
+    pub largest: f64,
+    /// Its shape.
+    pub norm: TrustNorm,
+    /// Share of the predicted fall of the cost that a step must reach to be taken.
+    pub accept: f64,
+}
+
+impl Default for Trust {
+    fn default() -> Self {
+        Self { radius: 0.5, largest: 10.0, norm: TrustNorm::Euclidean, accept: 0.0 }
+    }
+}
+
+/// What computes the residuals of every group at a point.
+pub type Residuals<'a> = dyn Fn(&[f64]) -> Vec<Vec<f64>> + Sync + 'a;
+
+/// Smooth residuals `measured - simulated(theta)` to be made small.
+pub struct Smooth<'a> {
+    /// What it is about, for messages.
+    pub name: String,
+    /// The unknowns with bounds and priors.
+    pub unknowns: Vec<Unknown>,
+    /// Where to start.
+    pub start: Vec<f64>,
+    /// Typical size of each unknown: unit of the trust region and, times 1e-4, the difference step.
+    pub typical: Vec<f64>,
+    /// The groups of residuals.
+    pub groups: Vec<SmoothGroup>,
+    /// Residuals per group at a point; always as many; NaN = no sample there.
+    pub residuals: &'a Residuals<'a>,
+    /// Constraints beyond the bounds.
+    pub constraints: Vec<Constraint>,
+    /// The trust region.
+    pub trust: Trust,
+    /// Passes over the whole refinement between which [`Scale::Robust`] groups are rescaled.
+    pub passes: usize,
+}
+
+/// Steps per pass at most.
+const STEPS: usize = 15;
+/// Attempts per step at most.
+const ATTEMPTS: usize = 6;
+/// A smaller relative fall of the cost ends a pass.
+const TOLERANCE: f64 = 1e-6;
+
+/// Minimises the robust cost of smooth residuals.
+///
+/// Errors if the residuals are not finite at the start. A trial point at which they are not
+/// finite counts as infinitely bad. The covariance is the sandwich at the end point; it does not
+/// know of errors of the simulated model itself.
+pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
+    let mut theta: Vec<f64> =
+        problem.start.iter().zip(&problem.unknowns).map(|(value, unknown)| value.clamp(unknown.lower, unknown.upper)).collect();
+    let mut scales: Vec<f64> =
+        problem.groups.iter().map(|group| if let Scale::Known(scale) = group.scale { scale } else { 1.0 }).collect();
+    let mut current = (problem.residuals)(&theta);
+    let diverged = || SolveError::Diverged { regression: problem.name.clone() };
+    let rescale = |residuals: &[Vec<f64>], scales: &mut [f64]| {
+        for ((group, residuals), scale) in problem.groups.iter().zip(residuals).zip(scales) {
+            if group.scale == Scale::Robust {
+                let present: Vec<f64> = residuals.iter().copied().filter(|r| r.is_finite()).collect();
+                *scale = robust::deviation(&present, &present);
+            }
+        }
+    };
+    if current.iter().flatten().any(|r| r.is_infinite()) || !current.iter().flatten().any(|r| r.is_finite()) {
+        return Err(diverged());
+    }
+    let present: Vec<usize> = current.iter().map(|group| group.iter().filter(|r| r.is_finite()).count()).collect();
+    let mut costs = Vec::new();
+    let mut accuracy = super::Accuracy::Solved;
+    let options = Options { loss, ..Options::default() };
+    for _ in 0..problem.passes.max(1) {
+        rescale(&current, &mut scales);
+        let mut trust = problem.trust.radius;
+        let mut value = cost(problem, &current, &scales, &theta, loss);
+        costs.push(value);
+        for _ in 0..STEPS {
+            let jacobian = jacobian(problem, &theta, &current);
+            let before = value;
+            for _ in 0..ATTEMPTS {
+                let step = linearised(problem, &theta, &current, &jacobian, trust);
+                let minimum = robust::minimise(&step, &scales, loss, &options)?;
+                if minimum.accuracy != super::Accuracy::Solved {
+                    accuracy = minimum.accuracy;
+                }
+                let trial: Vec<f64> = theta
+                    .iter()
+                    .zip(&minimum.theta)
+                    .zip(&problem.unknowns)
+                    .map(|((from, step), unknown)| (from + step).clamp(unknown.lower, unknown.upper))
+                    .collect();
+                let predicted: Vec<Vec<f64>> = step.groups.iter().map(|group| group.residuals(&minimum.theta)).collect();
+                let fall = value - cost(problem, &predicted, &scales, &trial, loss);
+                let residuals = (problem.residuals)(&trial);
+                let complete = residuals.iter().zip(&present).all(|(group, count)| group.iter().filter(|r| r.is_finite()).count() == *count);
+                let reached = if complete { cost(problem, &residuals, &scales, &trial, loss) } else { f64::INFINITY };
+                if reached < value && value - reached >= problem.trust.accept * fall {
+                    theta = trial;
+                    current = residuals;
+                    value = reached;
+                    costs.push(value);
+                    trust = (2.0 * trust).min(problem.trust.largest);
+                    break;
+                }
+                trust *= 0.25;
+            }
+            if before - value < TOLERANCE * before {
+                break;
+            }
+        }
+    }
+    let jacobian = jacobian(problem, &theta, &current);
+    let end = linearised(problem, &theta, &current, &jacobian, f64::INFINITY);
+    let at_bound = theta
+        .iter()
+        .zip(&problem.unknowns)
+        .zip(&problem.typical)
+        .map(|((value, unknown), typical)| value - unknown.lower < 1e-9 * typical || unknown.upper - value < 1e-9 * typical)
+        .collect();
+    let minimiser = robust::Minimiser { theta: vec![0.0; theta.len()], at_bound, accuracy };
+    let mut solution = assess::of_regression(&end, &scales, loss, minimiser);
+    solution.theta = theta;
+    solution.cost = costs;
+    Ok(solution)
+}
+
+fn cost(problem: &Smooth, residuals: &[Vec<f64>], scales: &[f64], theta: &[f64], loss: Loss) -> f64 {
+    let rho = |r: f64| match loss {
+        Loss::LeastSquares => 0.5 * r * r,
+        Loss::L1 => r.abs(),
+        Loss::Huber if r.abs() <= HUBER_DELTA => 0.5 * r * r,
+        Loss::Huber => HUBER_DELTA * (r.abs() - 0.5 * HUBER_DELTA),
+    };
+    let rows: f64 = residuals
+        .iter()
+        .zip(scales)
+        .map(|(group, scale)| group.iter().filter(|r| !r.is_nan()).map(|r| rho(r / scale)).sum::<f64>())
+        .sum();
+    let priors: f64 = problem
+        .unknowns
+        .iter()
+        .zip(theta)
+        .filter_map(|(unknown, value)| unknown.prior.map(|(mean, std)| 0.5 * ((value - mean) / std).powi(2)))
+        .sum();
+    rows + priors
+}
+
+/// Forward differences of `-residuals`, one vector per unknown and group.
+fn jacobian(problem: &Smooth, theta: &[f64], current: &[Vec<f64>]) -> Vec<Vec<Vec<f64>>> {
+    (0..theta.len())
+        .into_par_iter()
+        .map(|index| {
+            let mut moved = theta.to_vec();
+            let step = 1e-4 * problem.typical[index];
+            moved[index] += step;
+            let ahead = (problem.residuals)(&moved);
+            current.iter().zip(&ahead).map(|(now, then)| now.iter().zip(then).map(|(now, then)| (now - then) / step).collect()).collect()
+        })
+        .collect()
+}
+
+/// The linear regression of a step `d`: `residual = -J d + noise` within bounds and trust region.
+fn linearised(problem: &Smooth, theta: &[f64], current: &[Vec<f64>], jacobian: &[Vec<Vec<f64>>], trust: f64) -> Regression {
+    let n = theta.len();
+    let unknowns = problem.unknowns.iter().zip(theta).zip(&problem.typical).map(|((unknown, value), typical)| {
+        let reach = if problem.trust.norm == TrustNorm::Box { trust * typical } else { f64::INFINITY };
+        Unknown {
+            name: unknown.name.clone(),
+            lower: (unknown.lower - value).max(-reach),
+            upper: (unknown.upper - value).min(reach),
+            prior: unknown.prior.map(|(mean, std)| (mean - value, std)),
+        }
+    });
+    let groups = problem.groups.iter().enumerate().map(|(index, group)| {
+        let mut rows = Rows::new(&group.name, group.unit, n);
+        let mut row = vec![0.0; n];
+        let size = group.cluster_rows.max(1);
+        for (i, residual) in current[index].iter().enumerate() {
+            row.iter_mut().zip(jacobian).for_each(|(value, column)| *value = column[index][i]);
+            rows.push(&row, *residual, (i / size) as u32);
+        }
+        rows
+    });
+    let mut constraints: Vec<Constraint> = problem
+        .constraints
+        .iter()
+        .map(|constraint| {
+            let shift = |row: &Affine| Affine { terms: row.terms.clone(), constant: row.at(theta) };
+            match constraint {
+                Constraint::NonNegative(row) => Constraint::NonNegative(shift(row)),
+                Constraint::SecondOrder(rows) => Constraint::SecondOrder(rows.iter().map(shift).collect()),
+            }
+        })
+        .collect();
+    if problem.trust.norm == TrustNorm::Euclidean && trust.is_finite() {
+        let mut cone = vec![Affine::new(&[], trust)];
+        cone.extend(problem.typical.iter().enumerate().map(|(index, typical)| Affine::new(&[(index, 1.0 / typical)], 0.0)));
+        constraints.push(Constraint::SecondOrder(cone));
+    }
+    Regression { name: problem.name.clone(), unknowns: unknowns.collect(), groups: groups.collect(), constraints }
+}

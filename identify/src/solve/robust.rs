@@ -1,0 +1,248 @@
+//! Robust losses on many rows, by way of small quadratic programs.
+//!
+//! The Huber cost is quadratic on each piece of the space where the same rows are outliers (beyond
+//! 1.345 standard deviations) on the same side. Newton's method takes the minimiser of the current
+//! piece, a compressed QP under the constraints, as its target, searches along the line to it, and ends
+//! when the target lies in its own piece: that is the exact minimiser. A few reweighted
+//! least-squares steps come first, because they approach from anywhere.
+
+use super::compress::Compressor;
+use super::conic::{self, Feasible};
+use super::polish::{self, Minimum};
+use super::{Accuracy, HUBER_DELTA, Loss, Options, Regression, SolveError, dot};
+
+/// The minimiser of a regression's cost in its own units.
+#[derive(Clone, Debug)]
+pub struct Minimiser {
+    /// The unknowns.
+    pub theta: Vec<f64>,
+    /// Which unknowns sit at an active bound or linear inequality.
+    pub at_bound: Vec<bool>,
+    /// How exactly the last program was solved.
+    pub accuracy: Accuracy,
+}
+
+/// Robust standard deviation of residuals: 1.4826 times the median absolute deviation from the
+/// median; at least 1e-12 of the size of the right-hand sides `y`, so that rows without any noise can be divided by it.
+pub fn deviation(residuals: &[f64], y: &[f64]) -> f64 {
+    let centre = median(residuals.to_vec());
+    let spread = 1.4826 * median(residuals.iter().map(|r| (r - centre).abs()).collect());
+    let size = y.iter().map(|v| v.abs()).fold(0.0, f64::max);
+    spread.max(1e-12 * size).max(f64::MIN_POSITIVE.sqrt())
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    let n = values.len();
+    if n == 0 {
+        return 0.0;
+    }
+    values.sort_unstable_by(f64::total_cmp);
+    if n % 2 == 1 { values[n / 2] } else { 0.5 * (values[n / 2 - 1] + values[n / 2]) }
+}
+
+/// Rows divided by their noise level, columns scaled to unit root mean square.
+struct Scaled {
+    unknowns: usize,
+    a: Vec<f64>,
+    y: Vec<f64>,
+    /// `z = column * theta`.
+    column: Vec<f64>,
+    priors: Vec<(Vec<f64>, f64)>,
+}
+
+impl Scaled {
+    fn new(regression: &Regression, scales: &[f64]) -> Self {
+        let n = regression.unknowns.len();
+        let rows: usize = regression.groups.iter().map(super::Rows::len).sum();
+        let (mut a, mut y) = (Vec::with_capacity(rows * n), Vec::with_capacity(rows));
+        for (group, scale) in regression.groups.iter().zip(scales) {
+            a.extend(group.a.iter().map(|value| value / scale));
+            y.extend(group.y.iter().map(|value| value / scale));
+        }
+        let mut squares = vec![0.0; n];
+        for row in a.chunks_exact(n) {
+            squares.iter_mut().zip(row).for_each(|(sum, value)| *sum += value * value);
+        }
+        let column: Vec<f64> = squares
+            .iter()
+            .zip(&regression.unknowns)
+            .map(|(sum, unknown)| match (sum / rows.max(1) as f64).sqrt() {
+                rms if rms > 0.0 => rms,
+                // A column of zeros: only a prior or a bound says anything.
+                _ => unknown.prior.map_or(1.0, |(_, std)| 1.0 / std),
+            })
+            .collect();
+        for row in a.chunks_exact_mut(n) {
+            row.iter_mut().zip(&column).for_each(|(value, scale)| *value /= scale);
+        }
+        let priors = regression.unknowns.iter().enumerate().filter_map(|(index, unknown)| {
+            let (mean, std) = unknown.prior?;
+            let mut row = vec![0.0; n];
+            row[index] = 1.0 / (std * column[index]);
+            Some((row, mean / std))
+        });
+        let priors = priors.collect();
+        Self { unknowns: n, a, y, column, priors }
+    }
+
+    fn rows(&self) -> impl Iterator<Item = (&[f64], f64)> {
+        self.a.chunks_exact(self.unknowns).zip(self.y.iter().copied())
+    }
+
+    fn residuals(&self, z: &[f64]) -> Vec<f64> {
+        self.rows().map(|(row, y)| y - dot(row, z)).collect()
+    }
+
+    fn prior_cost(&self, z: &[f64]) -> f64 {
+        self.priors.iter().map(|(row, y)| 0.5 * (y - dot(row, z)).powi(2)).sum()
+    }
+
+    /// Minimises the sum of `weight_i r_i^2 / 2` and of `-pull_i r_i`.
+    fn quadratic(
+        &self,
+        name: &str,
+        feasible: &Feasible,
+        weights: impl Iterator<Item = (f64, f64)>,
+    ) -> Result<Minimum, SolveError> {
+        let mut compressor = Compressor::new(self.unknowns);
+        let mut g = vec![0.0; self.unknowns];
+        for ((row, y), (weight, pull)) in self.rows().zip(weights) {
+            if weight > 0.0 {
+                compressor.push(row, y, weight.sqrt());
+            }
+            if pull != 0.0 {
+                g.iter_mut().zip(row).for_each(|(sum, value)| *sum -= pull * value);
+            }
+        }
+        self.priors.iter().for_each(|(row, y)| compressor.push(row, *y, 1.0));
+        polish::quadratic(name, &compressor.finish(), &g, feasible)
+    }
+}
+
+/// Minimises a loss over a regression whose groups have the noise levels `scales`.
+pub fn minimise(regression: &Regression, scales: &[f64], loss: Loss, options: &Options) -> Result<Minimiser, SolveError> {
+    let scaled = Scaled::new(regression, scales);
+    let bounds: Vec<_> = regression.unknowns.iter().map(|unknown| (unknown.lower, unknown.upper)).collect();
+    let feasible = Feasible::new(&bounds, &regression.constraints, &scaled.column);
+    let name = &regression.name;
+    let exact = |loss| conic::exact(name, loss, scaled.unknowns, scaled.rows(), &scaled.priors, &feasible);
+    let few = scaled.y.len() <= options.exact_rows;
+    let first = scaled.quadratic(name, &feasible, scaled.y.iter().map(|_| (1.0, 0.0)))?;
+    let minimum = match loss {
+        Loss::LeastSquares => first,
+        Loss::Huber if few => {
+            let start = exact(Loss::Huber)?.x;
+            newton(name, &scaled, &feasible, HUBER_DELTA, start, 0)?
+        }
+        Loss::Huber => newton(name, &scaled, &feasible, HUBER_DELTA, first.z, 3)?,
+        Loss::L1 if few => {
+            let optimum = exact(Loss::L1)?;
+            let active = optimum.non_negative.iter().map(|(slack, dual)| dual > slack).collect();
+            Minimum { z: optimum.x, active, accuracy: optimum.accuracy }
+        }
+        Loss::L1 => {
+            let mut minimum = first;
+            for delta in [1.0, 0.3, 0.1, 0.03, 0.01] {
+                minimum = newton(name, &scaled, &feasible, delta, minimum.z, 3)?;
+            }
+            minimum
+        }
+    };
+    let mut at_bound = vec![false; scaled.unknowns];
+    for ((row, active), bound_of) in feasible.half_spaces.iter().zip(&minimum.active).zip(&feasible.bound_of) {
+        if *active {
+            match bound_of {
+                Some(index) => at_bound[*index] = true,
+                None => row.terms.iter().for_each(|&(index, _)| at_bound[index] = true),
+            }
+        }
+    }
+    let mut theta: Vec<f64> = minimum.z.iter().zip(&scaled.column).map(|(z, scale)| z / scale).collect();
+    for (value, (lower, upper)) in theta.iter_mut().zip(&bounds) {
+        *value = value.clamp(*lower, *upper);
+    }
+    Ok(Minimiser { theta, at_bound, accuracy: minimum.accuracy })
+}
+
+/// Huber cost with threshold `delta`.
+fn cost(residuals: &[f64], delta: f64) -> f64 {
+    let piece = |r: f64| if r.abs() <= delta { 0.5 * r * r } else { delta * (r.abs() - 0.5 * delta) };
+    residuals.iter().map(|&r| piece(r)).sum()
+}
+
+/// The piece a residual is in: -1, 0, 1.
+fn side(r: f64, delta: f64) -> i8 {
+    if r > delta {
+        1
+    } else if r < -delta {
+        -1
+    } else {
+        0
+    }
+}
+
+fn newton(
+    name: &str,
+    scaled: &Scaled,
+    feasible: &Feasible,
+    delta: f64,
+    start: Vec<f64>,
+    reweighted: usize,
+) -> Result<Minimum, SolveError> {
+    const STEPS: usize = 100;
+    let mut best = Minimum { z: start, active: vec![false; feasible.half_spaces.len()], accuracy: Accuracy::Solved };
+    let mut residuals = scaled.residuals(&best.z);
+    let mut value = cost(&residuals, delta) + scaled.prior_cost(&best.z);
+    let mut reweight = reweighted;
+    for _ in 0..STEPS {
+        let inliers = residuals.iter().filter(|r| r.abs() <= delta).count();
+        // Too few rows in the quadratic part do not determine the target.
+        let plain = reweight == 0 && inliers >= 2 * scaled.unknowns;
+        let target = if plain {
+            let weights = residuals.iter().map(|&r| match side(r, delta) {
+                0 => (1.0, 0.0),
+                sign => (0.0, f64::from(sign) * delta),
+            });
+            scaled.quadratic(name, feasible, weights)
+        } else {
+            scaled.quadratic(name, feasible, residuals.iter().map(|r| ((delta / r.abs()).min(1.0), 0.0)))
+        };
+        let target = match target {
+            Ok(target) => target,
+            // An unbounded or singular piece: one more reweighted step leaves it.
+            Err(_) if plain && reweight < STEPS => {
+                reweight += 1;
+                continue;
+            }
+            Err(error) => return Err(error),
+        };
+        let was_reweighted = !plain;
+        reweight = reweight.saturating_sub(1);
+        let ahead = scaled.residuals(&target.z);
+        if !was_reweighted && ahead.iter().zip(&residuals).all(|(new, old)| side(*new, delta) == side(*old, delta)) {
+            return Ok(target);
+        }
+        let mut share = 1.0;
+        loop {
+            let z: Vec<f64> = best.z.iter().zip(&target.z).map(|(from, to)| from + share * (to - from)).collect();
+            let trial = scaled.residuals(&z);
+            let reached = cost(&trial, delta) + scaled.prior_cost(&z);
+            if reached < value {
+                let gain = value - reached;
+                best = Minimum { z, active: target.active.clone(), accuracy: target.accuracy };
+                residuals = trial;
+                value = reached;
+                if gain < 1e-15 * value.max(1.0) && reweight == 0 {
+                    return Ok(best);
+                }
+                break;
+            }
+            share *= 0.5;
+            if share < 1e-9 {
+                // No descent is left: the point is the minimiser up to rounding.
+                return Ok(Minimum { z: best.z, active: target.active, accuracy: target.accuracy });
+            }
+        }
+    }
+    Ok(best)
+}
