@@ -9,6 +9,7 @@ pub mod assess;
 pub mod cli;
 pub mod log;
 pub mod output;
+pub mod problem;
 pub mod progress;
 pub mod report;
 pub mod request;

@@ -27,7 +27,7 @@ pub fn of_regression(regression: &Regression, scales: &[f64], loss: Loss, minimi
             let row = DVector::from_iterator(n, group.row(i).iter().map(|value| value / scale));
             let r = residual / scale;
             let (weight, psi) = match loss {
-                Loss::LeastSquares | Loss::L1 => (1.0, r),
+                Loss::Ls | Loss::L1 => (1.0, r),
                 Loss::Huber => (f64::from(u8::from(r.abs() <= HUBER_DELTA)), r.clamp(-HUBER_DELTA, HUBER_DELTA)),
             };
             gram.ger(1.0, &row, &row, 1.0);

@@ -1,6 +1,7 @@
 //! How good an estimate is: covariance, conditioning, verdicts, excitation, validation.
 
 pub mod covariance;
+pub mod validation;
 pub mod verdict;
 
 pub use covariance::{condition_number, correlation, inverse, of_regression};

@@ -62,10 +62,16 @@ pub fn verdict(evidence: &Evidence, limits: &Limits) -> Verdict {
         });
     }
     if evidence.condition_number.is_nan() || evidence.condition_number > limits.condition_number {
-        reasons.push(format!("condition number {:.1e} exceeds {:.0e}", evidence.condition_number, limits.condition_number));
+        reasons.push(format!(
+            "condition number {:.1e} exceeds {:.0e}",
+            evidence.condition_number, limits.condition_number
+        ));
     }
     if evidence.correlation > limits.correlation {
-        reasons.push(format!("correlation {:.3} with another unknown exceeds {}", evidence.correlation, limits.correlation));
+        reasons.push(format!(
+            "correlation {:.3} with another unknown exceeds {}",
+            evidence.correlation, limits.correlation
+        ));
     }
     if reasons.is_empty() { Verdict::Identified } else { Verdict::Unidentified(reasons) }
 }

@@ -79,6 +79,9 @@ impl Compressor {
     pub fn finish(mut self) -> Compressed {
         self.reduce();
         let n = self.columns;
-        Compressed { r: self.work.view((0, 0), (n, n)).into_owned(), d: self.work.view((0, n), (n, 1)).column(0).into_owned() }
+        Compressed {
+            r: self.work.view((0, 0), (n, n)).into_owned(),
+            d: self.work.view((0, n), (n, 1)).column(0).into_owned(),
+        }
     }
 }

@@ -4,10 +4,11 @@
 //! cones. Its rows are written as affine expressions of the variables; Clarabel's own form
 //! `A x + s = b`, `s` in the cone, is made at the end (`s` = expression).
 
-use super::{Accuracy, Affine, Constraint, HUBER_DELTA, Loss, SolveError};
+use super::{Accuracy, Affine, Constraint, HUBER_DELTA, Loss, SolveError, dot};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SecondOrderConeT, SolverStatus, SupportedConeT, ZeroConeT,
+    DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SecondOrderConeT, SolverStatus, SupportedConeT,
+    ZeroConeT,
 };
 
 /// A conic program under construction.
@@ -96,10 +97,17 @@ impl Program {
             cones.push(NonnegativeConeT(self.non_negative.len()));
         }
         cones.extend(self.second_order.iter().map(|rows| SecondOrderConeT(rows.len())));
-        let settings = DefaultSettings { verbose: false, max_iter: 400, tol_gap_abs: 1e-10, tol_gap_rel: 1e-10, tol_feas: 1e-10, ..Default::default() };
+        let settings = DefaultSettings {
+            verbose: false,
+            max_iter: 400,
+            tol_gap_abs: 1e-10,
+            tol_gap_rel: 1e-10,
+            tol_feas: 1e-10,
+            ..Default::default()
+        };
         let failed = |status: String| SolveError::Solver { regression: name.to_owned(), status };
-        let mut solver =
-            DefaultSolver::new(&p, &self.linear, &a, &b, &cones, settings).map_err(|error| failed(error.to_string()))?;
+        let mut solver = DefaultSolver::new(&p, &self.linear, &a, &b, &cones, settings)
+            .map_err(|error| failed(error.to_string()))?;
         solver.solve();
         let solution = &solver.solution;
         let accuracy = match solution.status {
@@ -138,7 +146,8 @@ impl Feasible {
     pub fn new(bounds: &[(f64, f64)], constraints: &[Constraint], scale: &[f64]) -> Self {
         let scaled = |expression: &Affine| {
             // A row of unit size keeps slack and multiplier comparable.
-            let terms: Vec<_> = expression.terms.iter().map(|&(index, factor)| (index, factor / scale[index])).collect();
+            let terms: Vec<_> =
+                expression.terms.iter().map(|&(index, factor)| (index, factor / scale[index])).collect();
             let size = terms.iter().map(|(_, factor)| factor * factor).sum::<f64>().sqrt();
             (Affine { terms, constant: expression.constant }, if size > 0.0 { size } else { 1.0 })
         };
@@ -181,6 +190,22 @@ impl Feasible {
         self.cones.iter().for_each(|rows| program.second_order(rows.clone()));
     }
 
+    /// The same set with all lengths divided by `size`.
+    pub fn shrunk(&self, size: f64) -> Self {
+        let mut all = self.clone();
+        all.half_spaces.iter_mut().chain(all.cones.iter_mut().flatten()).for_each(|row| row.constant /= size);
+        all
+    }
+
+    /// The same set for the distance from `origin`.
+    pub fn shifted(&self, origin: &[f64]) -> Self {
+        let mut all = self.clone();
+        for row in all.half_spaces.iter_mut().chain(all.cones.iter_mut().flatten()) {
+            row.constant = row.at(origin);
+        }
+        all
+    }
+
     /// Whether a point satisfies everything, up to `slack`.
     pub fn holds(&self, z: &[f64], slack: f64) -> bool {
         self.half_spaces.iter().all(|row| row.at(z) >= -slack)
@@ -194,7 +219,8 @@ impl Feasible {
 /// The exact conic program of a loss: variables `[z, ...]`, one or more per row.
 ///
 /// `rows` yields `(regressors, right-hand side)` in units of the noise, regressors in scaled
-/// unknowns; `quadratic` rows (priors) always count as squares.
+/// unknowns; `quadratic` rows (priors) always count as squares. The program is written for the
+/// distance from `origin`, best the least-squares answer, which keeps its numbers near one.
 ///
 /// - least squares: `[z, r]`, `A z - r = y`, cost `1/2 r'r`
 /// - Huber: `[z, u, t+, t-]`, `A z - u - t+ + t- = y`, cost `1/2 u'u + 1.345 (t+ + t-)`
@@ -202,14 +228,14 @@ impl Feasible {
 pub fn exact<'a>(
     name: &str,
     loss: Loss,
-    unknowns: usize,
+    origin: &[f64],
     rows: impl Iterator<Item = (&'a [f64], f64)>,
     quadratic: &[(Vec<f64>, f64)],
     feasible: &Feasible,
 ) -> Result<Optimum, SolveError> {
     let mut program = Program::default();
-    let z = program.add(unknowns);
-    feasible.constrain(&mut program);
+    let z = program.add(origin.len());
+    feasible.shifted(origin).constrain(&mut program);
     let mut residual = |row: &[f64], rhs: f64, loss: Loss| {
         let mut terms: Vec<_> = row.iter().enumerate().map(|(index, &factor)| (z + index, factor)).collect();
         if loss != Loss::L1 {
@@ -217,7 +243,7 @@ pub fn exact<'a>(
             program.square(u, 1.0);
             terms.push((u, -1.0));
         }
-        if loss != Loss::LeastSquares {
+        if loss != Loss::Ls {
             let t = program.add(2);
             let price = if loss == Loss::Huber { HUBER_DELTA } else { 1.0 };
             for (index, sign) in [(t, -1.0), (t + 1, 1.0)] {
@@ -226,12 +252,13 @@ pub fn exact<'a>(
                 terms.push((index, sign));
             }
         }
-        program.zero(Affine { terms, constant: -rhs });
+        program.zero(Affine { terms, constant: dot(row, origin) - rhs });
     };
     rows.for_each(|(row, rhs)| residual(row, rhs, loss));
-    quadratic.iter().for_each(|(row, rhs)| residual(row, *rhs, Loss::LeastSquares));
+    quadratic.iter().for_each(|(row, rhs)| residual(row, *rhs, Loss::Ls));
     let mut optimum = program.solve(name)?;
-    optimum.x.truncate(unknowns);
+    optimum.x.truncate(origin.len());
+    optimum.x.iter_mut().zip(origin).for_each(|(x, origin)| *x += origin);
     optimum.non_negative.truncate(feasible.half_spaces.len());
     Ok(optimum)
 }

@@ -32,10 +32,12 @@ pub fn solve(regression: &Regression) -> Result<Solution, SolveError> {
         }
     }
     // Unknowns scaled so that each column of Z'A has unit size.
-    let scale: Vec<f64> = g.column_iter().map(|column| column.norm()).map(|size| if size > 0.0 { size } else { 1.0 }).collect();
+    let scale: Vec<f64> =
+        g.column_iter().map(|column| column.norm()).map(|size| if size > 0.0 { size } else { 1.0 }).collect();
     let bounds: Vec<_> = regression.unknowns.iter().map(|unknown| (unknown.lower, unknown.upper)).collect();
     let feasible = Feasible::new(&bounds, &regression.constraints, &scale);
-    let singular = || SolveError::Solver { regression: regression.name.clone(), status: "singular instruments".to_owned() };
+    let singular =
+        || SolveError::Solver { regression: regression.name.clone(), status: "singular instruments".to_owned() };
     let mut pass = 0;
     let (theta, minimum, whitened) = loop {
         let factor = s.clone().cholesky().ok_or_else(singular)?.unpack();
@@ -82,7 +84,11 @@ pub fn solve(regression: &Regression) -> Result<Solution, SolveError> {
         correlation: assess::correlation(&covariance),
         condition_number: assess::condition_number(&whitened),
         residuals: regression.groups.iter().map(|group| group.residuals(&theta)).collect(),
-        scales: regression.groups.iter().map(|group| super::robust::deviation(&group.residuals(&theta), &group.y)).collect(),
+        scales: regression
+            .groups
+            .iter()
+            .map(|group| super::robust::deviation(&group.residuals(&theta), &group.y))
+            .collect(),
         bias: vec![0.0; n],
         cost: Vec::new(),
         accuracy: minimum.accuracy,
@@ -104,7 +110,11 @@ fn moment_covariance(groups: &[&Rows], theta: &[f64]) -> DMatrix<f64> {
     for group in groups {
         for i in 0..group.len() {
             let residual = group.y[i] - dot(group.row(i), theta);
-            sums.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)).axpy(residual, &instruments(group, i), 1.0);
+            sums.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)).axpy(
+                residual,
+                &instruments(group, i),
+                1.0,
+            );
         }
     }
     let mut s = DMatrix::zeros(n, n);

@@ -30,6 +30,8 @@ pub mod robust;
 
 pub use refine::{Smooth, SmoothGroup, Trust, TrustNorm, refine};
 
+pub use crate::request::Loss;
+
 use crate::assess;
 use nalgebra::DMatrix;
 
@@ -201,29 +203,6 @@ pub enum Constraint {
     SecondOrder(Vec<Affine>),
 }
 
-/// How deviations count.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Loss {
-    /// Least squares.
-    LeastSquares,
-    /// Quadratic up to 1.345 standard deviations, linear beyond.
-    #[default]
-    Huber,
-    /// Absolute deviations.
-    L1,
-}
-
-impl Loss {
-    /// Name in files and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::LeastSquares => "ls",
-            Self::Huber => "huber",
-            Self::L1 => "l1",
-        }
-    }
-}
-
 /// Threshold of the Huber loss in standard deviations: 95 % efficiency under normal noise.
 pub const HUBER_DELTA: f64 = 1.345;
 
@@ -344,14 +323,11 @@ pub fn solve(regression: &Regression, options: &Options) -> Result<Solution, Sol
     if regression.groups.iter().any(|group| !group.instruments.is_empty()) {
         return instrument::solve(regression);
     }
-    let mut scales: Vec<f64> = regression
-        .groups
-        .iter()
-        .map(|group| if let Scale::Known(scale) = group.scale { scale } else { 1.0 })
-        .collect();
+    let mut scales: Vec<f64> =
+        regression.groups.iter().map(|group| if let Scale::Known(scale) = group.scale { scale } else { 1.0 }).collect();
     if regression.groups.iter().any(|group| group.scale == Scale::Robust) {
         for _ in 0..options.scale_passes {
-            let first = robust::minimise(regression, &scales, Loss::LeastSquares, options)?;
+            let first = robust::minimise(regression, &scales, Loss::Ls, options)?;
             for (group, scale) in regression.groups.iter().zip(&mut scales) {
                 if group.scale == Scale::Robust && !group.is_empty() {
                     *scale = robust::deviation(&group.residuals(&first.theta), &group.y);

@@ -17,21 +17,30 @@ pub struct Minimum {
 }
 
 /// Minimises `1/2 |R z - d|^2 + g'z` over the feasible set: Clarabel, then [`polish`].
+///
+/// Clarabel sees a problem of unit size (`R` and `d` scaled to entries of at most one), because its
+/// tolerances are absolute near zero.
 pub fn quadratic(name: &str, data: &Compressed, g: &[f64], feasible: &Feasible) -> Result<Minimum, SolveError> {
-    let n = g.len();
+    let size = |value: f64| if value > 0.0 && value.is_finite() { value } else { 1.0 };
+    let rate = size(data.r.amax());
+    let reach = size(data.d.amax() / rate);
+    let unit = Compressed { r: &data.r / rate, d: &data.d / (rate * reach) };
+    let slope: Vec<f64> = g.iter().map(|g| g / (rate * rate * reach)).collect();
+    let feasible = feasible.shrunk(reach);
     let mut program = Program::default();
-    let z = program.add(n);
-    let r = program.add(n);
+    let z = program.add(g.len());
+    let r = program.add(g.len());
     feasible.constrain(&mut program);
-    for i in 0..n {
+    for (i, &slope) in slope.iter().enumerate() {
         program.square(r + i, 1.0);
-        program.cost(z + i, g[i]);
-        let mut terms: Vec<_> = (i..n).map(|j| (z + j, data.r[(i, j)])).collect();
+        program.cost(z + i, slope);
+        let mut terms: Vec<_> = (i..g.len()).map(|j| (z + j, unit.r[(i, j)])).collect();
         terms.push((r + i, -1.0));
-        program.zero(Affine { terms, constant: -data.d[i] });
+        program.zero(Affine { terms, constant: -unit.d[i] });
     }
-    let optimum = program.solve(name)?;
-    Ok(polish(&optimum, data, g, feasible))
+    let mut minimum = polish(&program.solve(name)?, &unit, &slope, &feasible);
+    minimum.z.iter_mut().for_each(|z| *z *= reach);
+    Ok(minimum)
 }
 
 /// Puts an interior-point answer on its active half spaces.
@@ -43,7 +52,8 @@ pub fn quadratic(name: &str, data: &Compressed, g: &[f64], feasible: &Feasible) 
 pub fn polish(optimum: &Optimum, data: &Compressed, g: &[f64], feasible: &Feasible) -> Minimum {
     let n = g.len();
     let z = optimum.x[..n].to_vec();
-    let active: Vec<bool> = optimum.non_negative[..feasible.half_spaces.len()].iter().map(|(slack, dual)| dual > slack).collect();
+    let active: Vec<bool> =
+        optimum.non_negative[..feasible.half_spaces.len()].iter().map(|(slack, dual)| dual > slack).collect();
     let raw = Minimum { z, active, accuracy: optimum.accuracy };
     if optimum.cone_margin.iter().any(|&margin| margin < 1e-5) {
         return raw;
@@ -51,7 +61,9 @@ pub fn polish(optimum: &Optimum, data: &Compressed, g: &[f64], feasible: &Feasib
     let equations: Vec<&Affine> =
         feasible.half_spaces.iter().zip(&raw.active).filter(|(_, active)| **active).map(|(row, _)| row).collect();
     match equality_constrained(data, g, &equations) {
-        Some(z) if feasible.holds(&z, 1e-9 * (1.0 + z.iter().fold(0.0, |m: f64, v| m.max(v.abs())))) => Minimum { z, ..raw },
+        Some(z) if feasible.holds(&z, 1e-9 * (1.0 + z.iter().fold(0.0, |m: f64, v| m.max(v.abs())))) => {
+            Minimum { z, ..raw }
+        }
         _ => raw,
     }
 }

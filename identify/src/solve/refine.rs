@@ -5,7 +5,9 @@
 //! that lowers the true cost enough is taken and the trust region grows; otherwise it shrinks.
 //! Equations: Gauss-Newton with Huber rows, one convex program per step.
 
-use super::{Affine, Constraint, HUBER_DELTA, Loss, Options, Regression, Rows, Scale, Solution, SolveError, Unknown, robust};
+use super::{
+    Affine, Constraint, HUBER_DELTA, Loss, Options, Regression, Rows, Scale, Solution, SolveError, Unknown, robust,
+};
 use crate::assess;
 use rayon::prelude::*;
 
@@ -88,8 +90,12 @@ const TOLERANCE: f64 = 1e-6;
 /// finite counts as infinitely bad. The covariance is the sandwich at the end point; it does not
 /// know of errors of the simulated model itself.
 pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
-    let mut theta: Vec<f64> =
-        problem.start.iter().zip(&problem.unknowns).map(|(value, unknown)| value.clamp(unknown.lower, unknown.upper)).collect();
+    let mut theta: Vec<f64> = problem
+        .start
+        .iter()
+        .zip(&problem.unknowns)
+        .map(|(value, unknown)| value.clamp(unknown.lower, unknown.upper))
+        .collect();
     let mut scales: Vec<f64> =
         problem.groups.iter().map(|group| if let Scale::Known(scale) = group.scale { scale } else { 1.0 }).collect();
     let mut current = (problem.residuals)(&theta);
@@ -129,10 +135,14 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
                     .zip(&problem.unknowns)
                     .map(|((from, step), unknown)| (from + step).clamp(unknown.lower, unknown.upper))
                     .collect();
-                let predicted: Vec<Vec<f64>> = step.groups.iter().map(|group| group.residuals(&minimum.theta)).collect();
+                let predicted: Vec<Vec<f64>> =
+                    step.groups.iter().map(|group| group.residuals(&minimum.theta)).collect();
                 let fall = value - cost(problem, &predicted, &scales, &trial, loss);
                 let residuals = (problem.residuals)(&trial);
-                let complete = residuals.iter().zip(&present).all(|(group, count)| group.iter().filter(|r| r.is_finite()).count() == *count);
+                let complete = residuals
+                    .iter()
+                    .zip(&present)
+                    .all(|(group, count)| group.iter().filter(|r| r.is_finite()).count() == *count);
                 let reached = if complete { cost(problem, &residuals, &scales, &trial, loss) } else { f64::INFINITY };
                 if reached < value && value - reached >= problem.trust.accept * fall {
                     theta = trial;
@@ -155,7 +165,9 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
         .iter()
         .zip(&problem.unknowns)
         .zip(&problem.typical)
-        .map(|((value, unknown), typical)| value - unknown.lower < 1e-9 * typical || unknown.upper - value < 1e-9 * typical)
+        .map(|((value, unknown), typical)| {
+            value - unknown.lower < 1e-9 * typical || unknown.upper - value < 1e-9 * typical
+        })
         .collect();
     let minimiser = robust::Minimiser { theta: vec![0.0; theta.len()], at_bound, accuracy };
     let mut solution = assess::of_regression(&end, &scales, loss, minimiser);
@@ -166,7 +178,7 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
 
 fn cost(problem: &Smooth, residuals: &[Vec<f64>], scales: &[f64], theta: &[f64], loss: Loss) -> f64 {
     let rho = |r: f64| match loss {
-        Loss::LeastSquares => 0.5 * r * r,
+        Loss::Ls => 0.5 * r * r,
         Loss::L1 => r.abs(),
         Loss::Huber if r.abs() <= HUBER_DELTA => 0.5 * r * r,
         Loss::Huber => HUBER_DELTA * (r.abs() - 0.5 * HUBER_DELTA),
@@ -194,13 +206,23 @@ fn jacobian(problem: &Smooth, theta: &[f64], current: &[Vec<f64>]) -> Vec<Vec<Ve
             let step = 1e-4 * problem.typical[index];
             moved[index] += step;
             let ahead = (problem.residuals)(&moved);
-            current.iter().zip(&ahead).map(|(now, then)| now.iter().zip(then).map(|(now, then)| (now - then) / step).collect()).collect()
+            current
+                .iter()
+                .zip(&ahead)
+                .map(|(now, then)| now.iter().zip(then).map(|(now, then)| (now - then) / step).collect())
+                .collect()
         })
         .collect()
 }
 
 /// The linear regression of a step `d`: `residual = -J d + noise` within bounds and trust region.
-fn linearised(problem: &Smooth, theta: &[f64], current: &[Vec<f64>], jacobian: &[Vec<Vec<f64>>], trust: f64) -> Regression {
+fn linearised(
+    problem: &Smooth,
+    theta: &[f64],
+    current: &[Vec<f64>],
+    jacobian: &[Vec<Vec<f64>>],
+    trust: f64,
+) -> Regression {
     let n = theta.len();
     let unknowns = problem.unknowns.iter().zip(theta).zip(&problem.typical).map(|((unknown, value), typical)| {
         let reach = if problem.trust.norm == TrustNorm::Box { trust * typical } else { f64::INFINITY };
@@ -234,7 +256,9 @@ fn linearised(problem: &Smooth, theta: &[f64], current: &[Vec<f64>], jacobian: &
         .collect();
     if problem.trust.norm == TrustNorm::Euclidean && trust.is_finite() {
         let mut cone = vec![Affine::new(&[], trust)];
-        cone.extend(problem.typical.iter().enumerate().map(|(index, typical)| Affine::new(&[(index, 1.0 / typical)], 0.0)));
+        cone.extend(
+            problem.typical.iter().enumerate().map(|(index, typical)| Affine::new(&[(index, 1.0 / typical)], 0.0)),
+        );
         constraints.push(Constraint::SecondOrder(cone));
     }
     Regression { name: problem.name.clone(), unknowns: unknowns.collect(), groups: groups.collect(), constraints }

@@ -120,16 +120,21 @@ impl Scaled {
 }
 
 /// Minimises a loss over a regression whose groups have the noise levels `scales`.
-pub fn minimise(regression: &Regression, scales: &[f64], loss: Loss, options: &Options) -> Result<Minimiser, SolveError> {
+pub fn minimise(
+    regression: &Regression,
+    scales: &[f64],
+    loss: Loss,
+    options: &Options,
+) -> Result<Minimiser, SolveError> {
     let scaled = Scaled::new(regression, scales);
     let bounds: Vec<_> = regression.unknowns.iter().map(|unknown| (unknown.lower, unknown.upper)).collect();
     let feasible = Feasible::new(&bounds, &regression.constraints, &scaled.column);
     let name = &regression.name;
-    let exact = |loss| conic::exact(name, loss, scaled.unknowns, scaled.rows(), &scaled.priors, &feasible);
     let few = scaled.y.len() <= options.exact_rows;
     let first = scaled.quadratic(name, &feasible, scaled.y.iter().map(|_| (1.0, 0.0)))?;
+    let exact = |loss| conic::exact(name, loss, &first.z, scaled.rows(), &scaled.priors, &feasible);
     let minimum = match loss {
-        Loss::LeastSquares => first,
+        Loss::Ls => first,
         Loss::Huber if few => {
             let start = exact(Loss::Huber)?.x;
             newton(name, &scaled, &feasible, HUBER_DELTA, start, 0)?
@@ -142,7 +147,7 @@ pub fn minimise(regression: &Regression, scales: &[f64], loss: Loss, options: &O
         }
         Loss::L1 => {
             let mut minimum = first;
-            for delta in [1.0, 0.3, 0.1, 0.03, 0.01] {
+            for delta in [1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001] {
                 minimum = newton(name, &scaled, &feasible, delta, minimum.z, 3)?;
             }
             minimum
@@ -158,8 +163,15 @@ pub fn minimise(regression: &Regression, scales: &[f64], loss: Loss, options: &O
         }
     }
     let mut theta: Vec<f64> = minimum.z.iter().zip(&scaled.column).map(|(z, scale)| z / scale).collect();
-    for (value, (lower, upper)) in theta.iter_mut().zip(&bounds) {
+    for (index, (value, (lower, upper))) in theta.iter_mut().zip(&bounds).enumerate() {
         *value = value.clamp(*lower, *upper);
+        // Scaling there and back leaves an active bound one rounding away.
+        let near = |bound: f64| at_bound[index] && bound.is_finite() && (*value - bound).abs() <= 1e-12 * bound.abs();
+        if near(*lower) {
+            *value = *lower;
+        } else if near(*upper) {
+            *value = *upper;
+        }
     }
     Ok(Minimiser { theta, at_bound, accuracy: minimum.accuracy })
 }

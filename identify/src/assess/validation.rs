@@ -1,0 +1,43 @@
+//! Prediction of what the fit has not seen.
+
+use crate::problem::Prediction;
+use crate::report::SignalFit;
+
+/// Compares a measured signal with its prediction, where both are finite.
+///
+/// `fit_percent = 100 (1 - |measured - predicted| / |measured - mean|)`; the residual correlation is
+/// the autocorrelation of the error at the lag of one independent sample.
+pub fn signal_fit(prediction: &Prediction) -> SignalFit {
+    let trace = &prediction.trace;
+    let pairs: Vec<(f64, f64)> = trace
+        .measured
+        .iter()
+        .zip(&trace.predicted)
+        .map(|(measured, predicted)| (*measured, *predicted))
+        .filter(|(measured, predicted)| measured.is_finite() && predicted.is_finite())
+        .collect();
+    let n = pairs.len() as f64;
+    let mean = pairs.iter().map(|(measured, _)| measured).sum::<f64>() / n;
+    let errors: Vec<f64> = pairs.iter().map(|(measured, predicted)| measured - predicted).collect();
+    let error: f64 = errors.iter().map(|e| e * e).sum();
+    let spread: f64 = pairs.iter().map(|(measured, _)| (measured - mean).powi(2)).sum();
+    SignalFit {
+        name: trace.name.clone(),
+        unit: trace.unit.clone(),
+        samples: pairs.len(),
+        rmse: (error / n).sqrt(),
+        fit_percent: 100.0 * (1.0 - (error / spread).sqrt()),
+        fit_percent_training: f64::NAN,
+        residual_correlation: autocorrelation(&errors, prediction.independent),
+    }
+}
+
+/// Autocorrelation at a lag, about the mean; NaN if there are too few values.
+pub fn autocorrelation(values: &[f64], lag: usize) -> f64 {
+    if values.len() < lag + 2 {
+        return f64::NAN;
+    }
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let product: f64 = values.iter().zip(&values[lag..]).map(|(a, b)| (a - mean) * (b - mean)).sum();
+    product / values.iter().map(|a| (a - mean).powi(2)).sum::<f64>()
+}

@@ -1,0 +1,58 @@
+//! Parameters that a fit takes as known: defaults, start values and settings by FMU name.
+
+use std::collections::{BTreeMap, BTreeSet};
+use wheelstate::{ParameterError, Variable};
+
+/// Values by FMU name.
+#[derive(Clone, Debug, Default)]
+pub struct Known {
+    values: BTreeMap<String, f64>,
+    set: BTreeSet<String>,
+    declared: Vec<Variable>,
+}
+
+impl Known {
+    /// The defaults of the declarations.
+    pub fn new(declared: Vec<Variable>) -> Self {
+        let values = declared.iter().map(|variable| (variable.name.clone(), variable.start)).collect();
+        Self { values, set: BTreeSet::new(), declared }
+    }
+
+    /// Sets a declared parameter, checked against its declaration.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<(), ParameterError> {
+        let Some(variable) = self.declared.iter().find(|variable| variable.name == name) else {
+            let group = name.split('.').next().unwrap_or(name);
+            let near: Vec<_> = self.declared.iter().map(|v| v.name.as_str()).filter(|n| n.starts_with(group)).collect();
+            let hint = if near.is_empty() { String::new() } else { format!("; there are {}", near.join(", ")) };
+            let reason = format!("is no parameter of this vehicle{hint}");
+            return Err(ParameterError { name: name.to_owned(), value, unit: "1", reason });
+        };
+        variable.check(value)?;
+        self.values.insert(name.to_owned(), value);
+        self.set.insert(name.to_owned());
+        Ok(())
+    }
+
+    /// Takes over a value without a check: an estimate, for the validation.
+    pub fn assume(&mut self, name: &str, value: f64) {
+        self.values.insert(name.to_owned(), value);
+    }
+
+    /// The value of a declared parameter.
+    ///
+    /// # Panics
+    /// If the problem's own declaration has no such name: a mistake in the program, not in the data.
+    pub fn get(&self, name: &str) -> f64 {
+        *self.values.get(name).unwrap_or_else(|| panic!("parameter {name} is not declared by this problem"))
+    }
+
+    /// The value of a parameter that may be undeclared.
+    pub fn find(&self, name: &str) -> Option<f64> {
+        self.values.get(name).copied()
+    }
+
+    /// Whether the user gave the value.
+    pub fn is_set(&self, name: &str) -> bool {
+        self.set.contains(name)
+    }
+}

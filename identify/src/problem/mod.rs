@@ -1,0 +1,319 @@
+//! One file per vehicle: how logs become regressions and regressions become parameters.
+//!
+//! # The seam
+//!
+//! A [`Problem`] is two functions and two lists. `estimate` reads a [`Task`] (logs, known parameters,
+//! which parameters are wanted) and works with a [`Session`]:
+//!
+//! ```ignore
+//! fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
+//!     let mut rows = Rows::new("force", "N", 2);
+//!     // ... one rows.push(&[.., ..], rhs, window / 4) per window; rows with NaN drop out ...
+//!     let regression = Regression {
+//!         name: "force balance".into(),
+//!         unknowns: vec![Unknown::within("M", 0.0, 500.0), Unknown::within("D", 0.0, 100.0)],
+//!         groups: vec![rows],
+//!         constraints: vec![Constraint::NonNegative(Affine::new(&[(0, 1.0), (1, -1.0)], 0.0))],
+//!     };
+//!     // solves with the user's loss; too few rows: the parameters are reported as not identifiable
+//!     if let Some(fit) = session.solve(&regression, &["chair.mass", "chair.drag"])? {
+//!         session.estimate("chair.mass", fit, |theta| theta[0]); // any smooth function of the unknowns:
+//!         session.estimate("chair.drag", fit, |theta| theta[1]); // interval by the delta method
+//!     }
+//!     Ok(())
+//! }
+//! ```
+//!
+//! Stages that build on each other (radius, then friction, then centre of gravity) are simply written
+//! one after the other; `session.value("...")` and `session.solution(fit)` give what came before.
+//! [`Session::refine`] takes smooth residuals (a simulation, a tyre curve) through sequential convex
+//! refinement; groups with instruments ([`Rows::push_instrumented`](crate::solve::Rows)) are solved
+//! by instrumental variables.
+//!
+//! `validate` predicts measured signals with given parameters. [`fit`] calls `estimate` on the whole
+//! logs for the result, and again on the first 60 % of each log to `validate` on the rest.
+
+pub mod known;
+pub mod session;
+pub mod weak_form;
+
+pub use known::Known;
+pub use session::{Fitted, Judgement, Session};
+
+use crate::log::Log;
+use crate::progress::{Interrupted, Progress};
+use crate::report::{FORMAT_VERSION, FitReport, LogEntry, SignalFit, Trace, Validation};
+use crate::request::FitRequest;
+use crate::solve::SolveError;
+use crate::vehicle::Vehicle;
+use wheelstate::{ParameterError, Variable};
+
+/// Share of each log that the validation's fit may see.
+pub const TRAINING_SHARE: f64 = 0.6;
+
+/// How the parameters of one vehicle are identified.
+#[derive(Clone, Copy)]
+pub struct Problem {
+    /// Parameters that may be given as known; the declaration of the estimator's parameters.
+    pub known: fn() -> Vec<Variable>,
+    /// Parameters that can be fitted from these logs.
+    pub targets: fn(&[Log]) -> Vec<Target>,
+    /// Estimates what the task wants.
+    pub estimate: fn(&Task, &mut Session) -> Result<(), FitError>,
+    /// Predicts measured signals of the task's logs with the task's known parameters, estimates included.
+    pub validate: fn(&Task) -> Vec<Prediction>,
+}
+
+/// A parameter that can be fitted.
+#[derive(Clone, Debug)]
+pub struct Target {
+    /// FMU name.
+    pub name: String,
+    /// Unit in the FMI spelling.
+    pub unit: String,
+    /// Physical range: an estimate at its end is reported as at its bound.
+    pub range: (f64, f64),
+    /// Fitted unless the user asks for others.
+    pub usual: bool,
+}
+
+impl Target {
+    /// A target that is one of the declared variables; `range` narrows what the declaration allows.
+    pub fn declared(declared: &[Variable], name: &str, usual: bool) -> Self {
+        let variable = declared.iter().find(|variable| variable.name == name);
+        let (unit, range) = variable.map_or(("1", (f64::NEG_INFINITY, f64::INFINITY)), |v| (v.unit, v.range));
+        Self { name: name.to_owned(), unit: unit.to_owned(), range, usual }
+    }
+
+    /// The same within a narrower range.
+    pub fn within(mut self, low: f64, high: f64) -> Self {
+        self.range = (low, high);
+        self
+    }
+}
+
+/// What `estimate` and `validate` work on.
+#[derive(Clone, Copy)]
+pub struct Task<'a> {
+    /// The logs.
+    pub logs: &'a [Log],
+    /// The known parameters.
+    pub known: &'a Known,
+    /// Names of the wanted parameters.
+    pub wanted: &'a [String],
+    /// Whether the user named them.
+    pub only: bool,
+    /// Whether to refine by output error.
+    pub refine: bool,
+    /// Where to report progress.
+    pub progress: &'a Progress,
+}
+
+impl Task<'_> {
+    /// Whether this parameter is wanted.
+    pub fn wants(&self, name: &str) -> bool {
+        self.wanted.iter().any(|wanted| wanted == name)
+    }
+
+    /// Which of these parameters are wanted.
+    pub fn wanted_of<'n>(&self, names: &[&'n str]) -> Vec<&'n str> {
+        names.iter().copied().filter(|name| self.wants(name)).collect()
+    }
+
+    /// A channel of a log, or an error that names file and channel.
+    pub fn channel<'l>(&self, log: &'l Log, name: &str) -> Result<&'l [f64], FitError> {
+        log.channel(name).ok_or_else(|| FitError::MissingChannel { file: log.source.clone(), channel: name.to_owned() })
+    }
+}
+
+/// A measured signal and its prediction, compared by the validation.
+#[derive(Clone, Debug)]
+pub struct Prediction {
+    /// The signal.
+    pub trace: Trace,
+    /// Samples from one independent value to the next: 1 for a signal with white noise, the number of
+    /// windows that overlap for windows.
+    pub independent: usize,
+}
+
+/// Why there is no fit.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum FitError {
+    /// The vehicle cannot be fitted yet or at all.
+    #[error("there is no fit for {0}")]
+    NoProblem(&'static str),
+    /// No log at all.
+    #[error("no log was given")]
+    NoLog,
+    /// A parameter that cannot be fitted was asked for.
+    #[error("--only {asked}: cannot be fitted; there are {known}")]
+    UnknownTarget {
+        /// What was asked for.
+        asked: String,
+        /// What there is.
+        known: String,
+    },
+    /// A log lacks a channel that the fit cannot do without.
+    #[error("{file}: there is no column {channel}")]
+    MissingChannel {
+        /// The log.
+        file: String,
+        /// The channel.
+        channel: String,
+    },
+    /// A log cannot be used.
+    #[error("{file}: {reason}")]
+    Log {
+        /// The log.
+        file: String,
+        /// Why not.
+        reason: String,
+    },
+    /// What was asked for makes no sense together.
+    #[error("{0}")]
+    Request(String),
+    /// A setting was refused.
+    #[error(transparent)]
+    Setting(#[from] ParameterError),
+    /// The solver failed.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+    /// The user asked to stop.
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
+}
+
+/// The problem of a vehicle.
+pub fn problem(vehicle: Vehicle) -> Option<Problem> {
+    match vehicle {
+        // One line per vehicle: `Vehicle::Wheelchair => Some(wheelchair::PROBLEM),`
+        Vehicle::NursingRobot
+        | Vehicle::WheeledRobot
+        | Vehicle::WheelLoader
+        | Vehicle::HumanDynamics
+        | Vehicle::Wheelchair => None,
+    }
+}
+
+/// Fits a vehicle's parameters to logs and judges the result.
+///
+/// The parameters come from the whole logs. For the validation the same fit is made on the first 60 %
+/// of each log and its predictions are compared with the other 40 %. A parameter that the logs do not
+/// determine is part of the report with its reason among the warnings; errors are for logs,
+/// settings and solver states that allow no report at all.
+pub fn fit(vehicle: Vehicle, logs: &[Log], request: &FitRequest, progress: &Progress) -> Result<FitReport, FitError> {
+    let problem = problem(vehicle).ok_or(FitError::NoProblem(vehicle_name(vehicle)))?;
+    fit_problem(&problem, vehicle_name(vehicle), logs, request, progress)
+}
+
+/// As [`fit`], for a problem that is not in the list of vehicles.
+pub fn fit_problem(
+    problem: &Problem,
+    vehicle: &str,
+    logs: &[Log],
+    request: &FitRequest,
+    progress: &Progress,
+) -> Result<FitReport, FitError> {
+    if logs.is_empty() {
+        return Err(FitError::NoLog);
+    }
+    let mut known = Known::new((problem.known)());
+    for (name, value) in request.start.iter().chain(&request.settings) {
+        known.set(name, *value)?;
+    }
+    let targets = (problem.targets)(logs);
+    let wanted = wanted(&targets, &request.only)?;
+    let task =
+        Task { logs, known: &known, wanted: &wanted, only: !request.only.is_empty(), refine: request.refine, progress };
+    progress.start("fitting", 2);
+    let mut session = Session::new(request.loss, &targets);
+    (problem.estimate)(&task, &mut session)?;
+    session.complete(&wanted);
+    progress.advance(1);
+
+    let (training, held_out): (Vec<Log>, Vec<Log>) = logs.iter().map(split).unzip();
+    let validation = validate(problem, &task, &targets, request, &training, &held_out)?;
+    progress.advance(1);
+
+    let report = session.report(&known);
+    Ok(FitReport {
+        format_version: FORMAT_VERSION,
+        vehicle: vehicle.to_owned(),
+        loss: request.loss.word().to_owned(),
+        logs: logs.iter().map(entry).collect(),
+        settings: request.start.iter().chain(&request.settings).cloned().collect(),
+        validation: validation.0,
+        traces: validation.1,
+        ..report
+    })
+}
+
+/// The part that the validation's fit may see, and the rest.
+fn split(log: &Log) -> (Log, Log) {
+    let at = (log.len() as f64 * TRAINING_SHARE).round() as usize;
+    let (mut first, mut second) = (log.clone(), log.clone());
+    first.time.truncate(at);
+    second.time.drain(..at);
+    for (head, tail) in first.channels.iter_mut().zip(&mut second.channels) {
+        head.values.truncate(at);
+        tail.values.drain(..at);
+    }
+    (first, second)
+}
+
+fn entry(log: &Log) -> LogEntry {
+    LogEntry { file: log.source.clone(), sha256: String::new(), samples: log.len() }
+}
+
+fn wanted(targets: &[Target], only: &[String]) -> Result<Vec<String>, FitError> {
+    if only.is_empty() {
+        return Ok(targets.iter().filter(|target| target.usual).map(|target| target.name.clone()).collect());
+    }
+    if let Some(asked) = only.iter().find(|asked| targets.iter().all(|target| target.name != **asked)) {
+        let known = targets.iter().map(|target| target.name.as_str()).collect::<Vec<_>>().join(", ");
+        return Err(FitError::UnknownTarget { asked: asked.clone(), known });
+    }
+    Ok(only.to_vec())
+}
+
+/// Fits the first part and predicts the second.
+fn validate(
+    problem: &Problem,
+    task: &Task,
+    targets: &[Target],
+    request: &FitRequest,
+    training: &[Log],
+    held_out: &[Log],
+) -> Result<(Validation, Vec<Trace>), FitError> {
+    let mut session = Session::new(request.loss, targets);
+    match (problem.estimate)(&Task { logs: training, ..*task }, &mut session) {
+        Ok(()) => {}
+        Err(FitError::Interrupted(stop)) => return Err(stop.into()),
+        // The first part alone may not suffice: then there is nothing to validate with.
+        Err(_) => return Ok((Validation::default(), Vec::new())),
+    }
+    let mut known = task.known.clone();
+    for (name, value) in session.values() {
+        known.assume(name, value);
+    }
+    let ahead = (problem.validate)(&Task { logs: held_out, known: &known, ..*task });
+    let behind = (problem.validate)(&Task { logs: training, known: &known, ..*task });
+    let mut signals: Vec<SignalFit> = ahead.iter().map(crate::assess::validation::signal_fit).collect();
+    for signal in &mut signals {
+        let same = behind.iter().find(|prediction| prediction.trace.name == signal.name);
+        signal.fit_percent_training =
+            same.map_or(f64::NAN, |prediction| crate::assess::validation::signal_fit(prediction).fit_percent);
+    }
+    let traces = ahead.into_iter().map(|prediction| prediction.trace).collect();
+    Ok((Validation { held_out: 1.0 - TRAINING_SHARE, signals }, traces))
+}
+
+fn vehicle_name(vehicle: Vehicle) -> &'static str {
+    match vehicle {
+        Vehicle::NursingRobot => "nursing-robot",
+        Vehicle::WheeledRobot => "wheeled-robot",
+        Vehicle::WheelLoader => "wheel-loader",
+        Vehicle::HumanDynamics => "human-dynamics",
+        Vehicle::Wheelchair => "wheelchair",
+    }
+}

@@ -1,0 +1,119 @@
+//! The solver against closed forms, against itself by two independent algorithms, and against
+//! figures made by other programs.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use wheelstate_identify::solve::{Affine, Constraint, Loss, Options, Regression, Rows, Scale, Unknown, solve};
+
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    StandardNormal.sample(rng)
+}
+
+/// Rows `y = A theta + noise` with a share of gross outliers.
+fn regression(seed: u64, rows: usize, theta: &[f64], outliers: f64) -> Regression {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut group = Rows::new("rows", "N", theta.len());
+    for i in 0..rows {
+        let row: Vec<f64> = theta.iter().enumerate().map(|(j, _)| 10f64.powi(j as i32) * normal(&mut rng)).collect();
+        let noise = 0.1 * normal(&mut rng) + if rng.random::<f64>() < outliers { 5.0 + normal(&mut rng) } else { 0.0 };
+        let rhs = row.iter().zip(theta).map(|(a, b)| a * b).sum::<f64>() + noise;
+        group.push(&row, rhs, i as u32);
+    }
+    let unknowns = (0..theta.len()).map(|j| Unknown::free(&format!("theta{j}"))).collect();
+    Regression { name: "test".into(), unknowns, groups: vec![group], constraints: Vec::new() }
+}
+
+#[test]
+fn an_active_bound_is_met_exactly() {
+    let mut problem = regression(1, 400, &[1.0, -0.2, 0.03], 0.0);
+    problem.unknowns[1].lower = -0.1;
+    for loss in [Loss::Ls, Loss::Huber] {
+        let solution = solve(&problem, &Options { loss, ..Options::default() }).unwrap();
+        assert_eq!(solution.theta[1], -0.1, "{loss:?}");
+        assert_eq!(solution.at_bound, [false, true, false]);
+        assert!((solution.theta[0] - 1.0).abs() < 0.3);
+    }
+}
+
+#[test]
+fn compressed_newton_agrees_with_the_exact_conic_program() {
+    for seed in 0..6 {
+        let mut problem = regression(seed, 900, &[1.0, -0.2, 0.03, 5e-4], 0.05);
+        if seed % 2 == 1 {
+            problem.unknowns[2].upper = 0.0299;
+            problem.constraints = vec![Constraint::NonNegative(Affine::new(&[(0, -1.0), (1, -1.0)], 0.79))];
+        }
+        for (loss, tolerance) in [(Loss::Huber, 1e-8), (Loss::L1, 5e-4)] {
+            let exact = solve(&problem, &Options { loss, exact_rows: usize::MAX, ..Options::default() }).unwrap();
+            let newton = solve(&problem, &Options { loss, exact_rows: 0, ..Options::default() }).unwrap();
+            for (a, b) in exact.theta.iter().zip(&newton.theta) {
+                assert!((a - b).abs() <= tolerance * a.abs(), "{loss:?} {:?} {:?}", exact.theta, newton.theta);
+            }
+        }
+    }
+}
+
+#[test]
+fn huber_resists_outliers_that_pull_least_squares() {
+    let problem = regression(3, 5000, &[1.0, -0.2, 0.03], 0.05);
+    let huber = solve(&problem, &Options::default()).unwrap();
+    assert!((huber.theta[0] - 1.0).abs() < 5.0 * huber.std(0) && huber.std(0) < 0.003);
+}
+
+#[test]
+fn a_second_order_cone_keeps_a_matrix_semidefinite() {
+    // [[a, b], [b, c]] nearest to [[1, 2], [2, 1]] in the norm of (a, sqrt 2 b, c): eigenvalue -1 is cut off,
+    // which leaves 1.5 in every entry.
+    let mut rows = Rows::new("entries", "1", 3);
+    rows.scale = Scale::Known(1.0);
+    for _ in 0..2 {
+        rows.push(&[1.0, 0.0, 0.0], 1.0, 0);
+        rows.push(&[0.0, 2f64.sqrt(), 0.0], 2.0 * 2f64.sqrt(), 0);
+        rows.push(&[0.0, 0.0, 1.0], 1.0, 0);
+    }
+    let cone = vec![
+        Affine::new(&[(0, 1.0), (2, 1.0)], 0.0),
+        Affine::new(&[(1, 2.0)], 0.0),
+        Affine::new(&[(0, 1.0), (2, -1.0)], 0.0),
+    ];
+    let problem = Regression {
+        name: "semidefinite".into(),
+        unknowns: ["a", "b", "c"].map(Unknown::free).into(),
+        groups: vec![rows],
+        constraints: vec![Constraint::SecondOrder(cone)],
+    };
+    let solution = solve(&problem, &Options { loss: Loss::Ls, ..Options::default() }).unwrap();
+    for value in &solution.theta {
+        assert!((value - 1.5).abs() < 1e-7, "{:?}", solution.theta);
+    }
+}
+
+#[test]
+fn instruments_remove_the_bias_of_noisy_regressors() {
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut rows = Rows::new("iv", "1", 2);
+    let mut plain = Rows::new("ls", "1", 2);
+    for i in 0..20_000 {
+        let truth = [normal(&mut rng), normal(&mut rng)];
+        let seen: Vec<f64> = truth.iter().map(|x| x + 0.7 * normal(&mut rng)).collect();
+        let other: Vec<f64> = truth.iter().map(|x| x + 0.7 * normal(&mut rng)).collect();
+        let rhs = 2.0 * truth[0] - truth[1] + 0.1 * normal(&mut rng);
+        rows.push_instrumented(&seen, rhs, &other, i);
+        plain.push(&seen, rhs, i);
+    }
+    let problem = |group| Regression {
+        name: "errors in variables".into(),
+        unknowns: ["a", "b"].map(Unknown::free).into(),
+        groups: vec![group],
+        constraints: Vec::new(),
+    };
+    let iv = solve(&problem(rows), &Options::default()).unwrap();
+    let ls = solve(&problem(plain.clone()), &Options { loss: Loss::Ls, ..Options::default() }).unwrap();
+    assert!((iv.theta[0] - 2.0).abs() < 4.0 * iv.std(0) && iv.std(0) < 0.05, "{:?} {}", iv.theta, iv.std(0));
+    assert!((ls.theta[0] - 2.0 / 1.49).abs() < 0.05, "{:?}", ls.theta);
+    // The same bias is announced where the noise of the regressors is known.
+    plain.noise = vec![0.49, 0.0, 0.0, 0.0, 0.49, 0.0, 0.0, 0.0, 0.0];
+    let told = solve(&problem(plain), &Options { loss: Loss::Ls, ..Options::default() }).unwrap();
+    assert!((told.bias[0] - (2.0 / 1.49 - 2.0)).abs() < 0.25, "{:?}", told.bias);
+}
