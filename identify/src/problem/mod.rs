@@ -40,9 +40,9 @@ pub mod weak_form;
 pub use known::Known;
 pub use session::{Fitted, Judgement, Session};
 
-use crate::log::Log;
+use crate::log::{Log, LogError};
 use crate::progress::{Interrupted, Progress};
-use crate::report::{FORMAT_VERSION, FitReport, LogEntry, SignalFit, Trace, Validation};
+use crate::report::{FORMAT_VERSION, FitReport, SignalFit, Trace, Validation};
 use crate::request::FitRequest;
 use crate::solve::SolveError;
 use crate::vehicle::Vehicle;
@@ -153,22 +153,9 @@ pub enum FitError {
         /// What there is.
         known: String,
     },
-    /// A log lacks a channel that the fit cannot do without.
-    #[error("{file}: there is no column {channel}")]
-    MissingChannel {
-        /// The log.
-        file: String,
-        /// The channel.
-        channel: String,
-    },
-    /// A log cannot be used.
-    #[error("{file}: {reason}")]
-    Log {
-        /// The log.
-        file: String,
-        /// Why not.
-        reason: String,
-    },
+    /// A log cannot be used, or lacks a channel that the fit cannot do without.
+    #[error(transparent)]
+    Log(#[from] LogError),
     /// What was asked for makes no sense together.
     #[error("{0}")]
     Request(String),
@@ -202,8 +189,8 @@ pub fn problem(vehicle: Vehicle) -> Option<Problem> {
 /// determine is part of the report with its reason among the warnings; errors are for logs,
 /// settings and solver states that allow no report at all.
 pub fn fit(vehicle: Vehicle, logs: &[Log], request: &FitRequest, progress: &Progress) -> Result<FitReport, FitError> {
-    let problem = problem(vehicle).ok_or(FitError::NoProblem(vehicle_name(vehicle)))?;
-    fit_problem(&problem, vehicle_name(vehicle), logs, request, progress)
+    let problem = problem(vehicle).ok_or(FitError::NoProblem(vehicle.name()))?;
+    fit_problem(&problem, vehicle.name(), logs, request, progress)
 }
 
 /// As [`fit`], for a problem that is not in the list of vehicles.
@@ -231,7 +218,7 @@ pub fn fit_problem(
     session.complete(&wanted);
     progress.advance(1);
 
-    let (training, held_out): (Vec<Log>, Vec<Log>) = logs.iter().map(split).unzip();
+    let (training, held_out): (Vec<Log>, Vec<Log>) = logs.iter().map(|log| log.split(TRAINING_SHARE)).unzip();
     let validation = validate(problem, &task, &targets, request, &training, &held_out)?;
     progress.advance(1);
 
@@ -240,29 +227,12 @@ pub fn fit_problem(
         format_version: FORMAT_VERSION,
         vehicle: vehicle.to_owned(),
         loss: request.loss.word().to_owned(),
-        logs: logs.iter().map(entry).collect(),
+        logs: logs.iter().map(Log::entry).collect(),
         settings: request.start.iter().chain(&request.settings).cloned().collect(),
         validation: validation.0,
         traces: validation.1,
         ..report
     })
-}
-
-/// The part that the validation's fit may see, and the rest.
-fn split(log: &Log) -> (Log, Log) {
-    let at = (log.len() as f64 * TRAINING_SHARE).round() as usize;
-    let (mut first, mut second) = (log.clone(), log.clone());
-    first.time.truncate(at);
-    second.time.drain(..at);
-    for (head, tail) in first.channels.iter_mut().zip(&mut second.channels) {
-        head.values.truncate(at);
-        tail.values.drain(..at);
-    }
-    (first, second)
-}
-
-fn entry(log: &Log) -> LogEntry {
-    LogEntry { file: log.source.clone(), sha256: String::new(), samples: log.len() }
 }
 
 fn wanted(targets: &[Target], only: &[String]) -> Result<Vec<String>, FitError> {
@@ -306,14 +276,4 @@ fn validate(
     }
     let traces = ahead.into_iter().map(|prediction| prediction.trace).collect();
     Ok((Validation { held_out: 1.0 - TRAINING_SHARE, signals }, traces))
-}
-
-fn vehicle_name(vehicle: Vehicle) -> &'static str {
-    match vehicle {
-        Vehicle::NursingRobot => "nursing-robot",
-        Vehicle::WheeledRobot => "wheeled-robot",
-        Vehicle::WheelLoader => "wheel-loader",
-        Vehicle::HumanDynamics => "human-dynamics",
-        Vehicle::Wheelchair => "wheelchair",
-    }
 }
