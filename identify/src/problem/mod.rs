@@ -119,11 +119,6 @@ impl Task<'_> {
     pub fn wanted_of<'n>(&self, names: &[&'n str]) -> Vec<&'n str> {
         names.iter().copied().filter(|name| self.wants(name)).collect()
     }
-
-    /// A channel of a log, or an error that names file and channel.
-    pub fn channel<'l>(&self, log: &'l Log, name: &str) -> Result<&'l [f64], FitError> {
-        log.channel(name).ok_or_else(|| FitError::MissingChannel { file: log.source.clone(), channel: name.to_owned() })
-    }
 }
 
 /// A measured signal and its prediction, compared by the validation.
@@ -137,7 +132,7 @@ pub struct Prediction {
 }
 
 /// Why there is no fit.
-#[derive(Clone, Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 pub enum FitError {
     /// The vehicle cannot be fitted yet or at all.
     #[error("there is no fit for {0}")]
