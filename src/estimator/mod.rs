@@ -6,6 +6,7 @@
 
 pub mod nursing_robot;
 pub mod wheel_loader;
+pub mod wheelchair;
 
 use crate::{ParameterError, Status, Variables};
 use serde::{Serialize, de::DeserializeOwned};
@@ -75,4 +76,5 @@ pub trait Visitor {
 pub fn visit_all(visitor: &mut impl Visitor) {
     visitor.visit::<nursing_robot::NursingRobot>();
     visitor.visit::<wheel_loader::WheelLoader>();
+    visitor.visit::<wheelchair::Wheelchair>();
 }

@@ -1,0 +1,318 @@
+//! Wheelchair with power assistance: speed, heading, slope and pitch, with sensor biases.
+//!
+//! Model: [`model::wheelchair`](crate::model::wheelchair) (Oh and Hori, corrected). Filter: the extended
+//! Kalman filter of eq. (28)-(40) with Joseph update, in one of four kinds:
+//!
+//! | kind | states | for |
+//! |---|---|---|
+//! | `basic` | 6 | calibrated sensors; misses slopes and is overconfident with biased ones |
+//! | `bias` (default) | 11 | unknown biases of gyro and accelerometer |
+//! | `acceleration_input` | 11 | force not or badly known: the measured acceleration drives the motion |
+//! | `gravity_vector` | 8 | direction of the contour line unknown at the start |
+//!
+//! # What cannot be observed
+//! On flat ground nothing tells the heading against the contour line: it rests on the initial heading
+//! and the encoders, and `status` says `unobservable`. Even on a slope a wrong initial heading is
+//! corrected only by `gravity_vector`; the other kinds take the encoders' heading as true. At rest
+//! slope and accelerometer bias cannot be told apart (0.05 m/s^2 look like 5 mrad). A slope that
+//! appears as a step, without rotation that the gyro could see, is found late or not at all.
+
+mod forms;
+pub mod observer;
+mod parameters;
+mod report;
+mod standstill;
+mod variables;
+mod wheels;
+
+pub use forms::{Basic, Biased, GravityVector};
+pub use parameters::{
+    ChairParameters, EncoderParameters, FilterParameters, ImuParameters, InitialParameters, Kind, LimitParameters,
+    MeasurementParameters, Model, Parameters, ProcessParameters, RollingParameters, StandstillParameters, Zero,
+};
+pub use variables::{Inputs, Outputs};
+
+use crate::estimator::{Estimator, StateError};
+use crate::filter::ekf::{Ekf, NotPositiveDefinite};
+use crate::model::wheelchair::{self as model, Chair, Command, gravity};
+use crate::{ParameterError, Status};
+use nalgebra::SVector;
+use observer::{Drive, Observer, Sample, Update};
+use serde::{Deserialize, Serialize};
+use standstill::{Bands, Standstill};
+use wheels::Wheels;
+
+/// What the filter believes, in the form of its kind.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Belief {
+    /// `basic`
+    Basic(Ekf<6>),
+    /// `bias` and `acceleration_input`
+    Biased(Ekf<11>),
+    /// `gravity_vector`
+    Gravity(Ekf<8>),
+}
+
+/// Everything that a step changes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// Mean and covariance.
+    pub belief: Belief,
+    started: bool,
+    /// Last valid command.
+    command: [f64; 2],
+    /// Specific force ahead at the last sample, if it had one.
+    accel_x: Option<f64>,
+    rejections: [u32; 6],
+    wheels: Wheels,
+    standstill: Standstill,
+    /// Time since anything was measured, s.
+    silent: f64,
+    status: Status,
+    /// Normalised innovation squared of the last sample and its number of rows.
+    nis: f64,
+    dof: u32,
+}
+
+/// The estimator; see the [module](self).
+#[derive(Clone, Debug)]
+pub struct Wheelchair {
+    parameters: Parameters,
+    chair: Chair,
+    basic: Observer<Basic>,
+    biased: Observer<Biased>,
+    gravity: Observer<GravityVector>,
+    bands: Bands,
+    initial: Belief,
+    state: State,
+}
+
+impl Wheelchair {
+    /// The chair of the parameters.
+    pub fn chair(&self) -> &Chair {
+        &self.chair
+    }
+
+    fn initial_belief(parameters: &Parameters) -> Belief {
+        let p = &parameters.initial;
+        let squares = |std: [f64; 6]| SVector::<f64, 6>::from(std).map(|s| s * s);
+        let chair = model::State::new(0.0, p.heading, p.speed, 0.0, p.slope, 0.0);
+        let variances =
+            squares([p.distance_std, p.heading_std, p.speed_std, p.yaw_rate_std, p.slope_std, p.slope_rate_std]);
+        match parameters.filter.kind {
+            Kind::Basic => Belief::Basic(Ekf::new(chair, variances)),
+            Kind::Bias | Kind::AccelerationInput => {
+                let (mut mean, mut all) = (model::BiasedState::zeros(), model::BiasedState::zeros());
+                mean.fixed_rows_mut::<6>(0).copy_from(&chair);
+                all.fixed_rows_mut::<6>(0).copy_from(&variances);
+                let accel = p.accel_bias_std;
+                let bias = [p.gyro_bias_std, accel, accel, accel, p.heading_offset_std];
+                all.fixed_rows_mut::<5>(6).copy_from(&SVector::from(bias).map(|s| s * s));
+                Belief::Biased(Ekf::new(mean, all))
+            }
+            Kind::GravityVector => {
+                let ((sa, ca), tilt) = (p.heading.sin_cos(), p.slope.sin());
+                let mean = gravity::State::from([0.0, p.heading, p.speed, 0.0, tilt * sa, tilt * ca, 0.0, 0.0]);
+                let [s, alpha, v, r, xi, w]: [f64; 6] = variances.into();
+                Belief::Gravity(Ekf::new(mean, gravity::State::from([s, alpha, v, r, xi, xi, w, w])))
+            }
+        }
+    }
+
+    fn predict(&mut self, dt: f64, drive: &Drive) -> Status {
+        let done = match &mut self.state.belief {
+            Belief::Basic(filter) => self.basic.predict(filter, dt, drive),
+            Belief::Biased(filter) => self.biased.predict(filter, dt, drive),
+            Belief::Gravity(filter) => self.gravity.predict(filter, dt, drive),
+        };
+        if done.is_err() { Status::BAD_STEP } else { Status::OK }
+    }
+
+    fn update(&mut self, sample: &Sample, drive: &Drive) -> Result<Update, NotPositiveDefinite> {
+        let counters = &mut self.state.rejections;
+        match &mut self.state.belief {
+            Belief::Basic(filter) => self.basic.update(filter, counters, sample, drive),
+            Belief::Biased(filter) => self.biased.update(filter, counters, sample, drive),
+            Belief::Gravity(filter) => self.gravity.update(filter, counters, sample, drive),
+        }
+    }
+
+    /// Whether the mean and the variances are numbers; without this check a single overflow would last.
+    fn is_finite(&self) -> bool {
+        fn finite<const N: usize>(filter: &Ekf<N>) -> bool {
+            filter.mean.iter().all(|m| m.is_finite()) && (0..N).all(|i| filter.covariance[(i, i)].is_finite())
+        }
+        match &self.state.belief {
+            Belief::Basic(filter) => finite(filter),
+            Belief::Biased(filter) => finite(filter),
+            Belief::Gravity(filter) => finite(filter),
+        }
+    }
+
+    /// Starts the filter anew where the encoders last put the chair.
+    fn restart(&mut self) {
+        self.state.belief = self.initial.clone();
+        self.state.wheels = Wheels::default();
+        self.state.rejections = [0; 6];
+    }
+
+    /// The command that acts now: the inputs, or what was last valid.
+    fn command(&mut self, inputs: &Inputs, status: &mut Status) -> Command {
+        let limits = [self.parameters.limit.drive_force, self.parameters.limit.drive_moment];
+        for (k, value) in [inputs.drive_force, inputs.drive_moment].into_iter().enumerate() {
+            status.raise_if(value.is_infinite(), Status::INFINITE);
+            status.raise_if(value.is_finite() && value.abs() > limits[k], Status::IMPLAUSIBLE);
+            if value.is_finite() && value.abs() <= limits[k] {
+                self.state.command[k] = value;
+            } else {
+                *status |= Status::HELD_INPUT;
+            }
+        }
+        Command::from(self.state.command)
+    }
+}
+
+impl Estimator for Wheelchair {
+    const NAME: &'static str = "Wheelchair";
+    const DESCRIPTION: &'static str = "Speed, heading, slope and pitch of a wheelchair with power assistance, \
+        with sensor biases, by an extended Kalman filter";
+    type Parameters = Parameters;
+    type Inputs = Inputs;
+    type Outputs = Outputs;
+    type State = State;
+
+    fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
+        parameters.check()?;
+        let (chair, noise) = (parameters.chair(), parameters.noise());
+        let (limits, gate) = (parameters.limits(), parameters.gate());
+        let acceleration_input = parameters.filter.kind == Kind::AccelerationInput;
+        let initial = Self::initial_belief(parameters);
+        let state = State {
+            belief: initial.clone(),
+            started: false,
+            command: [0.0; 2],
+            accel_x: None,
+            rejections: [0; 6],
+            wheels: Wheels::default(),
+            standstill: Standstill::default(),
+            silent: 0.0,
+            status: Status::OK,
+            nis: 0.0,
+            dof: 0,
+        };
+        let bands = &parameters.standstill;
+        Ok(Self {
+            basic: Observer { chair, noise, limits, gate, form: Basic },
+            biased: Observer { chair, noise, limits, gate, form: Biased { acceleration_input } },
+            gravity: Observer { chair, noise, limits, gate, form: GravityVector },
+            bands: Bands {
+                time: bands.time,
+                distance: bands.distance_band,
+                heading: bands.heading_band,
+                gyro: bands.gyro_band,
+            },
+            chair,
+            initial,
+            state,
+            parameters: parameters.clone(),
+        })
+    }
+
+    fn sample_period(&self) -> f64 {
+        self.parameters.sample_period
+    }
+
+    fn step(&mut self, inputs: &Inputs, dt: f64) -> Status {
+        if self.state.started && !(dt > 0.0 && dt <= self.basic.limits.longest_step) {
+            return Status::BAD_STEP | Status::SKIPPED;
+        }
+        let dt = if self.state.started { dt } else { 0.0 };
+        let mut status = Status::OK;
+        let measured = [
+            inputs.encoder_right,
+            inputs.encoder_left,
+            inputs.gyro_pitch,
+            inputs.accel_x,
+            inputs.accel_y,
+            inputs.accel_z,
+        ];
+        status.raise_if(measured.iter().any(|value| value.is_nan()), Status::MISSING);
+        status.raise_if(measured.iter().any(|value| value.is_infinite()), Status::INFINITE);
+        let limit = &self.parameters.limit;
+        let saturated = measured[2].is_finite() && measured[2].abs() >= limit.gyro
+            || measured[3..].iter().any(|a| a.is_finite() && a.abs() >= limit.accel);
+        status.raise_if(saturated, Status::IMPLAUSIBLE);
+
+        let (speed, yaw_rate) = self.motion();
+        let wheels = &mut self.state.wheels;
+        let readings = wheels.read(
+            &self.chair,
+            [measured[0], measured[1]],
+            (speed, yaw_rate),
+            dt,
+            limit.wheel_step,
+            self.parameters.encoder.zero,
+        );
+        status.raise_if(readings.implausible, Status::IMPLAUSIBLE);
+        status.raise_if(readings.restarted, Status::RESTARTED);
+        let sample = wheels::sample(&self.chair, readings.angles, measured[2], [measured[3], measured[4], measured[5]]);
+        let still = self.parameters.filter.detect_standstill && {
+            let (distance, heading) = (sample.values[0], sample.values[1]);
+            self.state.standstill.update(&self.bands, distance, heading, measured[2], dt)
+        };
+        status.raise_if(still, Status::STANDSTILL);
+
+        if self.state.started {
+            let command = Command::from(self.state.command);
+            status |= self.predict(dt, &Drive { command, accel_x: self.state.accel_x, still });
+        }
+        let command = self.command(inputs, &mut status);
+        let drive = Drive { command, accel_x: None, still };
+        self.state.started = true;
+        self.state.accel_x = Some(measured[3]).filter(|a| a.is_finite() && a.abs() < self.parameters.limit.accel);
+        match self.update(&sample, &drive) {
+            Ok(update) => {
+                status.raise_if(update.sensors.rejected.contains(&true), Status::GATED);
+                let nothing = update.sensors.dof == 0;
+                status.raise_if(nothing, Status::NO_MEASUREMENT);
+                self.state.silent = if nothing { self.state.silent + dt } else { 0.0 };
+                self.state.nis = if update.dof > 0 { update.nis } else { 0.0 };
+                self.state.dof = update.dof as u32;
+            }
+            Err(NotPositiveDefinite) => {
+                self.restart();
+                status |= Status::RECOVERED | Status::RESTARTED;
+            }
+        }
+        if !self.is_finite() {
+            self.restart();
+            status |= Status::RECOVERED | Status::RESTARTED;
+        }
+        status.raise_if(!self.heading_is_observable(), Status::UNOBSERVABLE);
+        self.state.status = status;
+        status
+    }
+
+    fn outputs(&self, inputs: &Inputs, ahead: f64, outputs: &mut Outputs) {
+        self.report(inputs, ahead, outputs);
+    }
+
+    fn state(&self) -> &State {
+        &self.state
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), StateError> {
+        let sound = match (&state.belief, &self.initial) {
+            (Belief::Basic(filter), Belief::Basic(_)) => filter.is_sound(),
+            (Belief::Biased(filter), Belief::Biased(_)) => filter.is_sound(),
+            (Belief::Gravity(filter), Belief::Gravity(_)) => filter.is_sound(),
+            _ => return Err(StateError("its filter.kind differs")),
+        };
+        let numbers = state.command.iter().chain(&state.accel_x).chain([&state.silent, &state.nis]);
+        if !sound || !state.wheels.is_sound() || !numbers.into_iter().all(|value| value.is_finite()) {
+            return Err(StateError("it holds values that are not finite or not positive definite"));
+        }
+        self.state.clone_from(state);
+        Ok(())
+    }
+}

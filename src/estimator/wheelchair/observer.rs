@@ -1,0 +1,271 @@
+//! One time update and one measurement update of the chair, for any of its states.
+//!
+//! [`Observer`] joins the model's forms ([`Form`]) with the extended Kalman filter and is what the
+//! reference runs check; [`Wheelchair`](super::Wheelchair) puts inputs, standstill and outputs around it.
+
+use crate::filter::discretise::{runge_kutta, substeps, transition};
+use crate::filter::ekf::{Ekf, Gate, Innovation, NotPositiveDefinite, Rows};
+use crate::model::wheelchair::{Chair, Command, Output, encoder_covariance};
+use nalgebra::{Matrix3, SMatrix, SVector};
+use std::f64::consts::{PI, TAU};
+
+/// Noise of process (power spectral densities) and measurements (standard deviations), SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Noise {
+    /// White acceleration, m^2/s^3.
+    pub speed: f64,
+    /// White yaw acceleration, rad^2/s^3.
+    pub yaw_rate: f64,
+    /// White second derivative of the slope, rad^2/s^3.
+    pub slope_rate: f64,
+    /// Drift of the gyro's bias, rad^2/s^3.
+    pub gyro_bias: f64,
+    /// Drift of the accelerometer's bias, m^2/s^5.
+    pub accel_bias: f64,
+    /// Drift of the heading against the encoders, rad^2/s.
+    pub heading_offset: f64,
+    /// One wheel angle, rad.
+    pub encoder: f64,
+    /// Gyro, rad/s.
+    pub gyro: f64,
+    /// Accelerometer per axis, m/s^2.
+    pub accel: f64,
+    /// Second derivative of the slope as the accelerometer's lever feels it, rad/s^2.
+    pub slope_acceleration: f64,
+    /// Pseudo-measurements of a chair at standstill, m/s and rad/s.
+    pub standstill: f64,
+}
+
+impl Default for Noise {
+    fn default() -> Self {
+        super::Parameters::default().noise()
+    }
+}
+
+/// Limits of sensors and steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// At this specific force the accelerometer is saturated, m/s^2.
+    pub accel: f64,
+    /// At this pitch rate the gyro is saturated, rad/s.
+    pub gyro: f64,
+    /// Longest step that is taken as one, s.
+    pub substep: f64,
+    /// Longest step that is taken at all, s.
+    pub longest_step: f64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { accel: 39.2, gyro: 8.7, substep: 0.02, longest_step: 1.0 }
+    }
+}
+
+/// A step that is not positive, not finite or too long; nothing was changed.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("the step of {0} s is not in (0, {1}] s")]
+pub struct BadStep(pub f64, pub f64);
+
+/// The chair and all that a step needs besides the state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Observer<F> {
+    /// The chair.
+    pub chair: Chair,
+    /// Noise.
+    pub noise: Noise,
+    /// Limits.
+    pub limits: Limits,
+    /// The gate.
+    pub gate: Gate,
+    /// The form of the state.
+    pub form: F,
+}
+
+/// How a state of `N` numbers moves and is measured; `P` of them are zero at standstill.
+pub trait Form<const N: usize, const P: usize> {
+    /// The states that are zero at standstill.
+    const AT_REST: [usize; P];
+
+    /// Whether the measured acceleration drives the motion instead of being a measurement.
+    fn driven_by_acceleration(&self) -> bool {
+        false
+    }
+    /// `x' = f(x, u)`.
+    fn derivative(&self, chair: &Chair, x: &SVector<f64, N>, drive: &Drive) -> SVector<f64, N>;
+    /// Jacobian of [`derivative`](Self::derivative).
+    fn jacobian(&self, chair: &Chair, x: &SVector<f64, N>, drive: &Drive) -> SMatrix<f64, N, N>;
+    /// Noise over a step of `dt` with the density `speed` of the acceleration.
+    fn process_noise(&self, noise: &Noise, speed: f64, dt: f64) -> SMatrix<f64, N, N>;
+    /// `y = h(x, u)` and its Jacobian.
+    fn output(&self, chair: &Chair, x: &SVector<f64, N>, drive: &Drive) -> (Output, SMatrix<f64, 6, N>);
+    /// Per (rad/s^2)^2, what the slope's second derivative adds to the accelerometer's covariance.
+    fn tilt_noise(&self, chair: &Chair, x: &SVector<f64, N>) -> Matrix3<f64>;
+}
+
+/// What drives the chair over a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drive {
+    /// Force and moment, held over the step.
+    pub command: Command,
+    /// Measured specific force ahead, m/s^2, for the form that is driven by it.
+    pub accel_x: Option<f64>,
+    /// The chair stands still.
+    pub still: bool,
+}
+
+/// One measurement; NaN or beyond the limits = missing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// `[s_enc, alpha_enc, gyro, a_x, a_y, a_z]`.
+    pub values: Output,
+    /// With one wheel only: row 1 is this wheel's travel instead of `s_enc`, the number its distance
+    /// from the encoder reference point (right positive), and row 2 is missing.
+    pub single_wheel: Option<f64>,
+}
+
+impl From<Output> for Sample {
+    fn from(values: Output) -> Self {
+        Self { values, single_wheel: None }
+    }
+}
+
+/// What an update did: the rows of the sensors, and of the standstill.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Update {
+    /// The six sensor rows.
+    pub sensors: Innovation<6>,
+    /// Normalised innovation squared of all rows, NaN if there was none.
+    pub nis: f64,
+    /// Number of rows used, with the pseudo-measurements of the standstill.
+    pub dof: usize,
+}
+
+impl<F> Observer<F> {
+    /// Time update over `dt` seconds, in equal sub-steps if it is long.
+    pub fn predict<const N: usize, const P: usize>(
+        &self,
+        filter: &mut Ekf<N>,
+        dt: f64,
+        drive: &Drive,
+    ) -> Result<(), BadStep>
+    where
+        F: Form<N, P>,
+    {
+        if !(dt > 0.0 && dt <= self.limits.longest_step) {
+            return Err(BadStep(dt, self.limits.longest_step));
+        }
+        let steps = substeps(dt, self.limits.substep);
+        let h = dt / steps as f64;
+        // An acceleration measured once and held over dt is white noise of this density.
+        let driven = self.form.driven_by_acceleration() && drive.accel_x.is_some() && !drive.still;
+        let density = if driven { self.noise.accel * self.noise.accel * dt } else { self.noise.speed };
+        let q = self.form.process_noise(&self.noise, density, h);
+        for _ in 0..steps {
+            let phi = transition(&self.form.jacobian(&self.chair, &filter.mean, drive), h);
+            let mean = runge_kutta(&filter.mean, h, |x| self.form.derivative(&self.chair, x, drive));
+            filter.predict(mean, &phi, &q);
+        }
+        Ok(())
+    }
+
+    /// The mean `ahead` seconds later, the filter untouched.
+    pub fn carry_forward<const N: usize, const P: usize>(
+        &self,
+        mean: &SVector<f64, N>,
+        ahead: f64,
+        drive: &Drive,
+    ) -> SVector<f64, N>
+    where
+        F: Form<N, P>,
+    {
+        let ahead = ahead.min(self.limits.longest_step);
+        if ahead.is_nan() || ahead <= 0.0 {
+            return *mean;
+        }
+        let steps = substeps(ahead, self.limits.substep);
+        let h = ahead / steps as f64;
+        (0..steps).fold(*mean, |x, _| runge_kutta(&x, h, |x| self.form.derivative(&self.chair, x, drive)))
+    }
+
+    /// Measurement update with the command that acts at the sampling instant.
+    pub fn update<const N: usize, const P: usize>(
+        &self,
+        filter: &mut Ekf<N>,
+        counters: &mut [u32; 6],
+        sample: &Sample,
+        drive: &Drive,
+    ) -> Result<Update, NotPositiveDefinite>
+    where
+        F: Form<N, P>,
+    {
+        let rows = self.rows(filter, sample, drive);
+        let before = filter.clone();
+        let sensors = filter.update(&rows, Some((self.gate, counters)))?;
+        if !drive.still {
+            return Ok(Update { nis: sensors.nis, dof: sensors.dof, sensors });
+        }
+        // Independent of the sensors' noise and linear: updating in turn equals stacking the rows.
+        let mut at_rest = Rows {
+            innovation: SVector::<f64, P>::zeros(),
+            jacobian: SMatrix::<f64, P, N>::zeros(),
+            noise: SMatrix::<f64, P, P>::identity() * (self.noise.standstill * self.noise.standstill),
+            used: [true; P],
+        };
+        for (row, state) in F::AT_REST.into_iter().enumerate() {
+            at_rest.innovation[row] = -filter.mean[state];
+            at_rest.jacobian[(row, state)] = 1.0;
+        }
+        let rest = filter.update(&at_rest, None).inspect_err(|_| *filter = before)?;
+        let nis = rest.nis + if sensors.dof > 0 { sensors.nis } else { 0.0 };
+        Ok(Update { nis, dof: sensors.dof + rest.dof, sensors })
+    }
+
+    /// The rows that have a plausible sample.
+    fn rows<const N: usize, const P: usize>(&self, filter: &Ekf<N>, sample: &Sample, drive: &Drive) -> Rows<N, 6>
+    where
+        F: Form<N, P>,
+    {
+        let (predicted, mut jacobian) = self.form.output(&self.chair, &filter.mean, drive);
+        let mut innovation = sample.values - predicted;
+        let mut noise = SMatrix::<f64, 6, 6>::zeros();
+        noise.fixed_view_mut::<2, 2>(0, 0).copy_from(&encoder_covariance(&self.chair, self.noise.encoder));
+        noise[(2, 2)] = self.noise.gyro * self.noise.gyro;
+        let mut accel = self.form.tilt_noise(&self.chair, &filter.mean)
+            * (self.noise.slope_acceleration * self.noise.slope_acceleration);
+        for axis in 0..3 {
+            accel[(axis, axis)] += self.noise.accel * self.noise.accel;
+        }
+        noise.fixed_view_mut::<3, 3>(3, 3).copy_from(&accel);
+
+        if let Some(lever) = sample.single_wheel {
+            let turned = predicted[1] - self.chair.heading_reference;
+            innovation[0] -= lever * turned;
+            let turning = jacobian.row(1) * lever;
+            let mut travel = jacobian.row_mut(0);
+            travel += turning;
+            let per_wheel = self.chair.wheel_radius * self.noise.encoder;
+            noise[(0, 0)] = per_wheel * per_wheel;
+        } else {
+            innovation[1] = wrap(innovation[1]);
+        }
+
+        let mut used = [true; 6];
+        for (row, used) in used.iter_mut().enumerate() {
+            let limit = match row {
+                0 | 1 => f64::INFINITY,
+                2 => self.limits.gyro,
+                _ => self.limits.accel,
+            };
+            let value = sample.values[row];
+            *used = value.is_finite() && value.abs() < limit;
+        }
+        used[1] &= sample.single_wheel.is_none();
+        used[3] &= !self.form.driven_by_acceleration() || drive.still;
+        Rows { innovation, jacobian, noise, used }
+    }
+}
+
+/// An angle in [-pi, pi).
+pub fn wrap(angle: f64) -> f64 {
+    (angle + PI).rem_euclid(TAU) - PI
+}

@@ -1,0 +1,320 @@
+//! Parameters of the wheelchair's estimator and the chair that they describe.
+
+use super::observer::{Limits, Noise};
+use crate::filter::ekf::Gate;
+use crate::model::wheelchair::{Accelerometer, Chair, Dynamics, Gyro};
+use crate::{ParameterError, Variables};
+use std::f64::consts::PI;
+
+crate::choice! {
+    /// Equations of motion and sensors.
+    pub enum Model { Paper = "paper", Full = "full" }
+}
+
+crate::choice! {
+    /// State of the filter.
+    pub enum Kind {
+        Basic = "basic",
+        Bias = "bias",
+        AccelerationInput = "acceleration_input",
+        GravityVector = "gravity_vector",
+    }
+}
+
+crate::choice! {
+    /// What the wheel angles count from.
+    pub enum Zero { Auto = "auto", Absolute = "absolute", FirstSample = "first_sample" }
+}
+
+crate::variables! {
+    /// The chair with its user.
+    pub struct ChairParameters {
+        /// Mass of chair and user.
+        mass: f64 = 100.0, "kg", [1.0, 1e4];
+        /// Yaw inertia of chair and user about their common centre of mass.
+        yaw_inertia: f64 = 7.0, "kg.m2", [1e-3, 1e5];
+        /// Distance of the centre of mass ahead of the driven axle.
+        com_ahead: f64 = 0.12, "m", [-2.0, 2.0];
+        /// Viscous drag against the speed.
+        drag: f64 = 12.0, "N.s/m", [0.0, 1e4];
+        /// Viscous drag against the yaw rate.
+        yaw_drag: f64 = 3.0, "N.m.s/rad", [0.0, 1e4];
+        /// Dry friction against turning, mostly of the casters.
+        yaw_friction: f64 = 0.0, "N.m", [0.0, 1e3];
+        /// Radius of the driven wheels.
+        wheel_radius: f64 = 0.305, "m", [0.01, 2.0];
+        /// Distance from the encoder reference point to the right wheel; half the track for the axle's midpoint.
+        reference_to_right: f64 = 0.28, "m", [1e-3, 5.0];
+        /// Distance from the encoder reference point to the left wheel; half the track for the axle's midpoint.
+        reference_to_left: f64 = 0.26, "m", [1e-3, 5.0];
+        /// Spin inertia of one driven wheel with what turns with it.
+        wheel_inertia: f64 = 0.0, "kg.m2", [0.0, 1e3];
+    }
+}
+
+crate::variables! {
+    /// Rolling resistance.
+    pub struct RollingParameters {
+        /// Rolling resistance coefficient; 0.01 to 0.02 on a hard floor.
+        coefficient: f64 = 0.0, "1", [0.0, 1.0];
+        /// Speed around standstill over which rolling resistance builds up.
+        smoothing_speed: f64 = 0.05, "m/s", [1e-4, 10.0];
+        /// Yaw rate around standstill over which dry yaw friction builds up.
+        smoothing_yaw_rate: f64 = 0.05, "rad/s", [1e-4, 10.0];
+    }
+}
+
+crate::variables! {
+    /// Where the accelerometer sits.
+    pub struct ImuParameters {
+        /// Accelerometer ahead of the driven axle's midpoint.
+        x: f64 = 0.10, "m", [-5.0, 5.0];
+        /// Accelerometer to the left of the driven axle's midpoint.
+        y: f64 = 0.01, "m", [-5.0, 5.0];
+        /// Accelerometer above the driven axle's midpoint.
+        z: f64 = 0.10, "m", [-5.0, 5.0];
+    }
+}
+
+crate::variables! {
+    /// What is known at the start.
+    pub struct InitialParameters {
+        /// Heading at the start against the slope's contour line, counter-clockwise; pi/2 climbs straight.
+        heading: f64 = 0.0, "rad", [-1e4, 1e4];
+        /// Forward speed at the start.
+        speed: f64 = 0.0, "m/s", [-20.0, 20.0];
+        /// Slope at the start, positive uphill.
+        slope: f64 = 0.0, "rad", [-1.5, 1.5];
+        /// Standard deviation of the distance at the start.
+        distance_std: f64 = 0.005, "m", [1e-9, 1e3];
+        /// Standard deviation of the heading at the start.
+        heading_std: f64 = 0.02, "rad", [1e-9, 10.0];
+        /// Standard deviation of the speed at the start.
+        speed_std: f64 = 0.02, "m/s", [1e-9, 100.0];
+        /// Standard deviation of the yaw rate at the start.
+        yaw_rate_std: f64 = 0.02, "rad/s", [1e-9, 100.0];
+        /// Standard deviation of the slope at the start.
+        slope_std: f64 = 0.01, "rad", [1e-9, 10.0];
+        /// Standard deviation of the slope's rate at the start.
+        slope_rate_std: f64 = 0.02, "rad/s", [1e-9, 100.0];
+        /// Standard deviation of the gyro's bias.
+        gyro_bias_std: f64 = 0.02, "rad/s", [1e-9, 10.0];
+        /// Standard deviation of the accelerometer's bias, per axis.
+        accel_bias_std: f64 = 0.1, "m/s2", [1e-9, 10.0];
+        /// Standard deviation of the heading at which the encoders read zero. If it is not small use the kind gravity_vector, which needs no heading.
+        heading_offset_std: f64 = 1e-6, "rad", [1e-9, 10.0];
+    }
+}
+
+crate::variables! {
+    /// The wheel encoders.
+    pub struct EncoderParameters {
+        /// Whether the encoders count rotation against the frame, so that pitching of the body counts as travel.
+        counts_body_pitch: bool = true, "1";
+        /// What the wheel angles count from: absolute = zero at distance 0 and the initial heading, first_sample = the first reading is that zero, auto = absolute if the first reading is near it.
+        zero: Zero = Zero::Auto, "1";
+    }
+}
+
+crate::variables! {
+    /// Process noise: power spectral densities of white noise.
+    pub struct ProcessParameters {
+        /// Density of the unmodelled acceleration along the heading.
+        speed: f64 = 4e-3, "m2/s3", [0.0, 1e3], tunable;
+        /// Density of the unmodelled yaw acceleration.
+        yaw_rate: f64 = 4e-3, "rad2/s3", [0.0, 1e3], tunable;
+        /// Density of the slope's second derivative.
+        slope_rate: f64 = 0.5, "rad2/s3", [0.0, 1e3], tunable;
+        /// Density of the drift of the gyro's bias.
+        gyro_bias: f64 = 1e-8, "rad2/s3", [0.0, 1.0], tunable;
+        /// Density of the drift of the accelerometer's bias.
+        accel_bias: f64 = 1e-6, "m2/s5", [0.0, 1.0], tunable;
+        /// Density of the drift of the heading against the encoders, from slipping wheels.
+        heading_offset: f64 = 0.0, "rad2/s", [0.0, 1.0], tunable;
+    }
+}
+
+crate::variables! {
+    /// Measurement noise: standard deviations per sample.
+    pub struct MeasurementParameters {
+        /// Standard deviation of one wheel angle.
+        encoder: f64 = 3e-3, "rad", [1e-9, 10.0], tunable;
+        /// Standard deviation of the gyro.
+        gyro: f64 = 5e-3, "rad/s", [1e-9, 10.0], tunable;
+        /// Standard deviation of the accelerometer, per axis.
+        accel: f64 = 0.05, "m/s2", [1e-9, 100.0], tunable;
+        /// Standard deviation of the slope's second derivative, which the accelerometer feels through its lever.
+        slope_acceleration: f64 = 1.0, "rad/s2", [0.0, 1e3], tunable;
+        /// Standard deviation with which a chair at standstill is known to stand still; m/s and rad/s.
+        standstill: f64 = 2e-3, "1", [1e-9, 1.0], tunable;
+    }
+}
+
+crate::variables! {
+    /// The filter.
+    pub struct FilterParameters {
+        /// Equations: full = Newton-Euler with resistance terms, paper = those of Oh and Hori, corrected.
+        model: Model = Model::Full, "1";
+        /// State: basic = 6 states, bias = with sensor biases, acceleration_input = with biases and the measured acceleration in place of the drive force, gravity_vector = without need of an initial heading.
+        kind: Kind = Kind::Bias, "1";
+        /// Whether a chair that does not move is recognised, for which brakes and static friction are then allowed.
+        detect_standstill: bool = true, "1", tunable;
+        /// Whether the slope is reported as not negative, the heading then by half a turn around.
+        canonical_slope: bool = false, "1", tunable;
+        /// Rejects a channel beyond this many standard deviations of its prediction; 0 = never.
+        gate: f64 = 0.0, "1", [0.0, 1e6], tunable;
+        /// After this many rejections in a row one sample is accepted.
+        gate_patience: i32 = 10, "1", [0, 1_000_000], tunable;
+        /// Process noise.
+        process_psd: ProcessParameters;
+        /// Measurement noise.
+        measurement_std: MeasurementParameters;
+    }
+}
+
+crate::variables! {
+    /// When a chair stands still: bands of about 2.5 steps of the encoders.
+    pub struct StandstillParameters {
+        /// Time without motion after which the chair stands still.
+        time: f64 = 0.3, "s", [0.0, 1e3], tunable;
+        /// Largest change of the distance at standstill.
+        distance_band: f64 = 1.2e-3, "m", [1e-9, 1.0], tunable;
+        /// Largest change of the heading at standstill.
+        heading_band: f64 = 4e-3, "rad", [1e-9, 1.0], tunable;
+        /// Largest pitch rate at standstill.
+        gyro_band: f64 = 0.05, "rad/s", [1e-9, 10.0], tunable;
+    }
+}
+
+crate::variables! {
+    /// Plausibility: beyond these a sample counts as missing.
+    pub struct LimitParameters {
+        /// Largest specific force per axis; beyond, the accelerometer is saturated.
+        accel: f64 = 39.2, "m/s2", [0.1, 1e4];
+        /// Largest pitch rate; beyond, the gyro is saturated.
+        gyro: f64 = 8.7, "rad/s", [0.1, 1e4];
+        /// Largest deviation of a wheel angle from where speed and yaw rate put it; if it persists, the counter has restarted.
+        wheel_step: f64 = 0.5, "rad", [0.01, 1e6];
+        /// Largest drive force.
+        drive_force: f64 = 5e3, "N", [1.0, 1e6];
+        /// Largest drive moment.
+        drive_moment: f64 = 2e3, "N.m", [1.0, 1e6];
+        /// Standard deviation of the slope above which the estimates are not healthy.
+        healthy_slope_std: f64 = 0.03, "rad", [1e-6, 10.0];
+        /// Standard deviation of the speed above which the estimates are not healthy.
+        healthy_speed_std: f64 = 0.1, "m/s", [1e-6, 100.0];
+    }
+}
+
+crate::variables! {
+    /// Parameters of the wheelchair's estimator.
+    pub struct Parameters {
+        /// Time between two samples.
+        sample_period: f64 = 0.01, "s", [1e-5, 1.0];
+        /// Gravity.
+        gravity: f64 = 9.80665, "m/s2", [0.1, 30.0];
+        /// The chair with its user.
+        chair: ChairParameters;
+        /// Rolling resistance.
+        rolling: RollingParameters;
+        /// Where the accelerometer sits.
+        imu: ImuParameters;
+        /// The wheel encoders.
+        encoder: EncoderParameters;
+        /// What is known at the start.
+        initial: InitialParameters;
+        /// The filter.
+        filter: FilterParameters;
+        /// When a chair stands still.
+        standstill: StandstillParameters;
+        /// Plausibility.
+        limit: LimitParameters;
+    }
+}
+
+impl Parameters {
+    /// The chair that these parameters describe.
+    pub fn chair(&self) -> Chair {
+        let p = &self.chair;
+        let half_track = 0.5 * (p.reference_to_right + p.reference_to_left);
+        let per_radius = 2.0 * p.wheel_inertia / (p.wheel_radius * p.wheel_radius);
+        let (dynamics, gyro, accelerometer) = match self.filter.model {
+            Model::Paper => (Dynamics::Paper, Gyro::Paper, Accelerometer::Paper),
+            Model::Full => (Dynamics::Full, Gyro::Body, Accelerometer::Rigid),
+        };
+        Chair {
+            mass: p.mass,
+            yaw_inertia: p.yaw_inertia,
+            com_ahead: p.com_ahead,
+            drag: p.drag,
+            yaw_drag: p.yaw_drag,
+            rolling_coefficient: self.rolling.coefficient,
+            smoothing_speed: self.rolling.smoothing_speed,
+            yaw_friction: p.yaw_friction,
+            smoothing_yaw_rate: self.rolling.smoothing_yaw_rate,
+            rotating_mass: per_radius,
+            rotating_inertia: per_radius * half_track * half_track,
+            gravity: self.gravity,
+            lever: [self.imu.x, self.imu.y, self.imu.z],
+            wheel_radius: p.wheel_radius,
+            to_right: p.reference_to_right,
+            to_left: p.reference_to_left,
+            heading_reference: self.initial.heading,
+            pitch_travel: if self.encoder.counts_body_pitch { p.wheel_radius } else { 0.0 },
+            dynamics,
+            gyro,
+            accelerometer,
+        }
+    }
+
+    /// Noise of process and measurements.
+    pub fn noise(&self) -> Noise {
+        let (process, measured) = (&self.filter.process_psd, &self.filter.measurement_std);
+        Noise {
+            speed: process.speed,
+            yaw_rate: process.yaw_rate,
+            slope_rate: process.slope_rate,
+            gyro_bias: process.gyro_bias,
+            accel_bias: process.accel_bias,
+            heading_offset: process.heading_offset,
+            encoder: measured.encoder,
+            gyro: measured.gyro,
+            accel: measured.accel,
+            slope_acceleration: measured.slope_acceleration,
+            standstill: measured.standstill,
+        }
+    }
+
+    /// Limits of sensors and steps.
+    pub fn limits(&self) -> Limits {
+        Limits { accel: self.limit.accel, gyro: self.limit.gyro, ..Limits::default() }
+    }
+
+    /// The gate.
+    pub fn gate(&self) -> Gate {
+        Gate { deviations: self.filter.gate, patience: self.filter.gate_patience.max(0) as u32 }
+    }
+
+    /// What the declarations cannot say alone.
+    pub(super) fn check(&self) -> Result<(), ParameterError> {
+        self.validate()?;
+        let refuse = |name: &str, value, reason: &str| {
+            let declared = Self::declare();
+            let variable = declared.iter().find(|v| v.name == name);
+            Err(ParameterError {
+                name: name.to_owned(),
+                value,
+                unit: variable.map_or("1", |v| v.unit),
+                reason: reason.to_owned(),
+            })
+        };
+        if self.filter.kind == Kind::GravityVector && self.filter.model == Model::Paper {
+            let reason = "goes with filter.model = full only; the paper's gyro equation needs a heading";
+            return refuse("filter.kind", 3.0, reason);
+        }
+        if self.filter.kind == Kind::GravityVector && self.initial.slope.abs() > 0.5 * PI - 0.1 {
+            return refuse("initial.slope", self.initial.slope, "is too steep for filter.kind = gravity_vector");
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,117 @@
+//! The outputs: what the filter believes, carried forward and told in the user's terms.
+
+use super::observer::Drive;
+use super::{Belief, Inputs, Outputs, Wheelchair};
+use crate::filter::ekf::Ekf;
+use crate::model::wheelchair::{self as model, Command, gravity, pitch, pitch_gradient};
+use nalgebra::{SMatrix, SVector};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// A slope below this many of its standard deviations may as well be flat.
+const SIGNIFICANT: f64 = 3.0;
+
+/// Without any measurement for this long the estimates are not healthy, s.
+const LONGEST_SILENCE: f64 = 1.0;
+
+impl Wheelchair {
+    /// Speed and yaw rate.
+    pub(super) fn motion(&self) -> (f64, f64) {
+        match &self.state.belief {
+            Belief::Basic(filter) => (filter.mean[model::V], filter.mean[model::R]),
+            Belief::Biased(filter) => (filter.mean[model::V], filter.mean[model::R]),
+            Belief::Gravity(filter) => (filter.mean[gravity::V], filter.mean[gravity::R]),
+        }
+    }
+
+    /// Whether the ground is steep enough to tell where uphill is.
+    pub(super) fn heading_is_observable(&self) -> bool {
+        let (slope, std) = match &self.state.belief {
+            Belief::Basic(filter) => (filter.mean[model::XI], filter.std(model::XI)),
+            Belief::Biased(filter) => (filter.mean[model::XI], filter.std(model::XI)),
+            Belief::Gravity(filter) => {
+                let attitude = gravity::attitude(&filter.mean, &filter.covariance);
+                (attitude.slope, attitude.slope_std)
+            }
+        };
+        slope.abs() > SIGNIFICANT * std
+    }
+
+    pub(super) fn report(&self, inputs: &Inputs, ahead: f64, outputs: &mut Outputs) {
+        let held = |value: f64, last: f64, limit: f64| if value.abs() <= limit { value } else { last };
+        let [force, moment] = self.state.command;
+        let limit = &self.parameters.limit;
+        let drive = Drive {
+            command: Command::new(
+                held(inputs.drive_force, force, limit.drive_force),
+                held(inputs.drive_moment, moment, limit.drive_moment),
+            ),
+            accel_x: Some(inputs.accel_x).filter(|a| a.abs() < limit.accel),
+            still: self.state.standstill.is_still() && self.parameters.filter.detect_standstill,
+        };
+        let ahead = if self.state.started { ahead } else { 0.0 };
+        match &self.state.belief {
+            Belief::Basic(filter) => {
+                let mean = self.basic.carry_forward(&filter.mean, ahead, &drive);
+                self.report_chair(&mean, &filter.covariance, outputs);
+            }
+            Belief::Biased(filter) => {
+                let mean = self.biased.carry_forward(&filter.mean, ahead, &drive);
+                let chair = mean.fixed_rows::<6>(0).into_owned();
+                self.report_chair(&chair, &filter.covariance.fixed_view::<6, 6>(0, 0).into_owned(), outputs);
+                report_biases(&mean, filter, outputs);
+            }
+            Belief::Gravity(filter) => {
+                let mean = self.gravity.carry_forward(&filter.mean, ahead, &drive);
+                report_gravity(&mean, filter, outputs);
+            }
+        }
+        let state = &self.state;
+        outputs.standstill = drive.still;
+        outputs.nis = if state.dof > 0 { state.nis / f64::from(state.dof) } else { 0.0 };
+        outputs.nis_channels = state.dof as i32;
+        outputs.status = state.status;
+        outputs.healthy = state.started
+            && state.silent <= LONGEST_SILENCE
+            && outputs.slope_std <= limit.healthy_slope_std
+            && outputs.speed_std <= limit.healthy_speed_std;
+    }
+
+    fn report_chair(&self, x: &model::State, covariance: &SMatrix<f64, 6, 6>, outputs: &mut Outputs) {
+        let std = |index: usize| covariance[(index, index)].max(0.0).sqrt();
+        // (alpha, xi, w) and (alpha + pi, -xi, -w) are the same pose.
+        let turned = self.parameters.filter.canonical_slope && x[model::XI] < 0.0;
+        let sign = if turned { -1.0 } else { 1.0 };
+        (outputs.distance, outputs.distance_std) = (x[model::S], std(model::S));
+        outputs.heading = x[model::ALPHA] + if turned { PI } else { 0.0 };
+        outputs.heading_std = std(model::ALPHA);
+        (outputs.speed, outputs.speed_std) = (x[model::V], std(model::V));
+        (outputs.yaw_rate, outputs.yaw_rate_std) = (x[model::R], std(model::R));
+        (outputs.slope, outputs.slope_std) = (sign * x[model::XI], std(model::XI));
+        (outputs.slope_rate, outputs.slope_rate_std) = (sign * x[model::W], std(model::W));
+        outputs.pitch = pitch(x[model::ALPHA], x[model::XI]);
+        let [a, b] = pitch_gradient(x[model::ALPHA], x[model::XI]);
+        let (i, j) = (model::ALPHA, model::XI);
+        let variance = a * a * covariance[(i, i)] + 2.0 * a * b * covariance[(i, j)] + b * b * covariance[(j, j)];
+        // Where the chair stands on end the gradient has a pole.
+        outputs.pitch_std = variance.max(0.0).sqrt().min(FRAC_PI_2);
+    }
+}
+
+fn report_biases(mean: &SVector<f64, 11>, filter: &Ekf<11>, outputs: &mut Outputs) {
+    (outputs.gyro_bias, outputs.gyro_bias_std) = (mean[6], filter.std(6));
+    (outputs.accel_x_bias, outputs.accel_x_bias_std) = (mean[7], filter.std(7));
+    (outputs.accel_y_bias, outputs.accel_y_bias_std) = (mean[8], filter.std(8));
+    (outputs.accel_z_bias, outputs.accel_z_bias_std) = (mean[9], filter.std(9));
+    (outputs.heading_offset, outputs.heading_offset_std) = (mean[10], filter.std(10));
+}
+
+fn report_gravity(mean: &gravity::State, filter: &Ekf<8>, outputs: &mut Outputs) {
+    let attitude = gravity::attitude(mean, &filter.covariance);
+    (outputs.distance, outputs.distance_std) = (mean[gravity::S], filter.std(gravity::S));
+    (outputs.speed, outputs.speed_std) = (mean[gravity::V], filter.std(gravity::V));
+    (outputs.yaw_rate, outputs.yaw_rate_std) = (mean[gravity::R], filter.std(gravity::R));
+    (outputs.heading, outputs.heading_std) = (attitude.heading, attitude.heading_std);
+    (outputs.slope, outputs.slope_std) = (attitude.slope, attitude.slope_std);
+    (outputs.slope_rate, outputs.slope_rate_std) = (attitude.slope_rate, attitude.slope_rate_std);
+    (outputs.pitch, outputs.pitch_std) = (attitude.pitch, attitude.pitch_std);
+}

@@ -1,0 +1,112 @@
+//! From wheel angles to the encoder rows: zero, missing wheels, counters that restart.
+
+use super::observer::Sample;
+use super::parameters::Zero;
+use crate::model::wheelchair::{Chair, Output, wheel_travel};
+use serde::{Deserialize, Serialize};
+
+/// A first reading this near to zero is the encoders' own zero in the mode `auto`, rad.
+const NEAR_ZERO: f64 = 0.05;
+/// How fast the prediction of a wheel angle may go wrong without samples, rad/s.
+const DRIFT: f64 = 5.0;
+/// So many implausible readings in a row are a counter that has restarted.
+const PATIENCE: u32 = 10;
+
+/// One wheel's counter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Wheel {
+    /// Reading at the zero of distance and heading, rad.
+    zero: f64,
+    /// Last angle since that zero, rad.
+    angle: f64,
+    /// Time since that angle, s.
+    age: f64,
+    implausible: u32,
+    started: bool,
+}
+
+/// Both wheels' counters, right and left.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Wheels([Wheel; 2]);
+
+/// What became of the readings of one sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Readings {
+    /// Wheel angles right and left since the zero, rad; NaN = missing.
+    pub angles: [f64; 2],
+    /// A reading was implausible and left out.
+    pub implausible: bool,
+    /// A counter had restarted; its zero was moved.
+    pub restarted: bool,
+}
+
+impl Wheel {
+    /// The angle since the zero; `speed` is the wheel's estimated speed, rad/s.
+    fn read(&mut self, reading: f64, speed: f64, dt: f64, step_limit: f64, mode: Zero, readings: &mut Readings) -> f64 {
+        self.age += dt;
+        if !reading.is_finite() {
+            return f64::NAN;
+        }
+        let expected = self.angle + speed * self.age;
+        if !self.started {
+            let moved = match mode {
+                Zero::Absolute => false,
+                Zero::FirstSample => true,
+                Zero::Auto => (reading - expected).abs() > NEAR_ZERO,
+            };
+            self.zero = if moved { reading - expected } else { 0.0 };
+        } else if (reading - self.zero - expected).abs() > step_limit + DRIFT * self.age {
+            readings.implausible = true;
+            self.implausible += 1;
+            if self.implausible <= PATIENCE {
+                return f64::NAN;
+            }
+            self.zero = reading - expected;
+            readings.restarted = true;
+        }
+        *self = Self { zero: self.zero, angle: reading - self.zero, age: 0.0, implausible: 0, started: true };
+        self.angle
+    }
+}
+
+impl Wheels {
+    /// Takes the readings right and left, NaN = missing; `speed` and `yaw_rate` are the estimates.
+    pub fn read(
+        &mut self,
+        chair: &Chair,
+        readings: [f64; 2],
+        (speed, yaw_rate): (f64, f64),
+        dt: f64,
+        step_limit: f64,
+        mode: Zero,
+    ) -> Readings {
+        let mut result = Readings::default();
+        let half_track = 0.5 * chair.track();
+        for (k, side) in [half_track, -half_track].into_iter().enumerate() {
+            let turning = (speed + side * yaw_rate) / chair.wheel_radius;
+            let angle = self.0[k].read(readings[k], turning, dt, step_limit, mode, &mut result);
+            result.angles[k] = angle;
+        }
+        result
+    }
+
+    /// Whether every number is finite.
+    pub fn is_sound(&self) -> bool {
+        self.0.iter().all(|wheel| [wheel.zero, wheel.angle, wheel.age].iter().all(|value| value.is_finite()))
+    }
+}
+
+/// The measurement rows of these wheel angles and of gyro and accelerometer.
+pub fn sample(chair: &Chair, [right, left]: [f64; 2], gyro: f64, accel: [f64; 3]) -> Sample {
+    let inertial = |s, alpha| Output::new(s, alpha, gyro, accel[0], accel[1], accel[2]);
+    let radius = chair.wheel_radius;
+    match (right.is_finite(), left.is_finite()) {
+        (true, true) => {
+            let (travel, heading) = wheel_travel(chair, right, left);
+            inertial(travel, heading).into()
+        }
+        (true, false) => Sample { values: inertial(radius * right, f64::NAN), single_wheel: Some(chair.to_right) },
+        (false, true) => Sample { values: inertial(radius * left, f64::NAN), single_wheel: Some(-chair.to_left) },
+        (false, false) => inertial(f64::NAN, f64::NAN).into(),
+    }
+}

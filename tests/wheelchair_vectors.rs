@@ -1,0 +1,123 @@
+//! The wheelchair's filter against the reference runs, step by step.
+
+#[path = "wheelchair/chairs.rs"]
+mod chairs;
+mod support;
+
+use chairs::reference_chair;
+use nalgebra::SVector;
+use support::{Table, assert_close, vector_table, vector_text};
+use wheelstate::estimator::wheelchair::observer::{Drive, Form, Limits, Noise, Observer};
+use wheelstate::estimator::wheelchair::{Basic, Biased};
+use wheelstate::filter::ekf::{Ekf, Gate};
+use wheelstate::model::wheelchair::{Command, Output};
+
+const RELATIVE: f64 = 1e-8;
+const ABSOLUTE: f64 = 1e-10;
+
+/// Mean and upper triangle of the covariance by rows, as in the files.
+#[track_caller]
+fn compare<const N: usize>(run: &str, row: usize, table: &Table, filter: &Ekf<N>) {
+    for i in 0..N {
+        let what = format!("{run} row {row} xhat{}", i + 1);
+        assert_close(&what, filter.mean[i], table.at(row, &format!("xhat{}", i + 1)), RELATIVE, ABSOLUTE);
+        for j in i..N {
+            let name = format!("P{}_{}", i + 1, j + 1);
+            assert_close(
+                &format!("{run} row {row} {name}"),
+                filter.covariance[(i, j)],
+                table.at(row, &name),
+                RELATIVE,
+                ABSOLUTE,
+            );
+        }
+    }
+}
+
+fn run<const N: usize, const P: usize, F: Form<N, P>>(name: &str, form: F) {
+    let runs: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/runs.json")).unwrap();
+    let params: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/params.json")).unwrap();
+    let file = format!("{name}.csv");
+    let setup = &runs[&file];
+    let numbers = |list: &serde_json::Value| {
+        SVector::<f64, N>::from_iterator(list.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()))
+    };
+    let mut chair = reference_chair(setup["variant"].as_str().unwrap());
+    chair.heading_reference = setup["alpha_ref"].as_f64().unwrap();
+    let mut noise = Noise { gyro_bias: 0.0, accel_bias: 0.0, ..Noise::default() };
+    if let Some(q) = setup["config"]["q"].as_array() {
+        (noise.gyro_bias, noise.accel_bias) = (q[3].as_f64().unwrap(), q[4].as_f64().unwrap());
+    }
+    let gate = Gate { deviations: setup["config"]["gate"].as_f64().unwrap_or(0.0), patience: 10 };
+    let observer = Observer { chair, noise, limits: Limits::default(), gate, form };
+    let mut filter = Ekf::new(numbers(&setup["x0"]), numbers(&params[setup["P0"].as_str().unwrap()]));
+    let table = vector_table(&format!("4-wheelchair/{file}"));
+    let irregular = table.columns[0] == "dt";
+    let mut counters = [0; 6];
+    let command = |row: usize| Command::new(table.at(row, "u_f"), table.at(row, "u_r"));
+    for row in 0..table.rows.len() {
+        let still = !irregular && table.at(row, "still") == 1.0;
+        let predicted_before = row > 0 || irregular;
+        if predicted_before {
+            // The irregular run predicts with the command of the same row.
+            let (dt, held) = if irregular {
+                (table.at(row, "dt"), row)
+            } else {
+                (table.at(row, "t") - table.at(row - 1, "t"), row - 1)
+            };
+            let accel_x = (!irregular).then(|| table.at(held, "y4"));
+            let drive = Drive { command: command(held), accel_x, still };
+            observer.predict(&mut filter, dt, &drive).unwrap();
+        }
+        if !irregular {
+            for i in 0..N {
+                let what = format!("{name} row {row} xminus{}", i + 1);
+                assert_close(&what, filter.mean[i], table.at(row, &format!("xminus{}", i + 1)), RELATIVE, ABSOLUTE);
+            }
+        }
+        let y = Output::from_fn(|i, _| table.at(row, &format!("y{}", i + 1)));
+        let drive = Drive { command: command(row), accel_x: None, still };
+        let mut y = y;
+        if name == "ekf_missing_full" && row % 2 == 1 {
+            y[0] = f64::NAN; // the encoders deliver every other sample
+            y[1] = f64::NAN;
+        }
+        let update = observer.update(&mut filter, &mut counters, &y.into(), &drive).unwrap();
+        compare(name, row, &table, &filter);
+        assert_close(&format!("{name} row {row} nis"), update.nis, table.at(row, "nis"), RELATIVE, ABSOLUTE);
+        if !irregular {
+            assert_eq!(update.dof as f64, table.at(row, "ndof"), "{name} row {row} ndof");
+            let used = update.sensors.used.iter().fold(0.0, |mask, used| 10.0 * mask + f64::from(u8::from(*used)));
+            assert_eq!(used, table.at(row, "used"), "{name} row {row} used");
+        }
+    }
+}
+
+#[test]
+fn six_states_match_the_reference_runs() {
+    for case in 1..=3 {
+        run(&format!("ekf_case{case}_full"), Basic);
+        run(&format!("ekf_case{case}_paper"), Basic);
+    }
+}
+
+#[test]
+fn missing_rows_and_gate_match_the_reference_run() {
+    run("ekf_missing_full", Basic);
+}
+
+#[test]
+fn standstill_matches_the_reference_run() {
+    run("ekf_still_full", Basic);
+}
+
+#[test]
+fn irregular_steps_match_the_reference_run() {
+    run("ekf_irregular", Basic);
+}
+
+#[test]
+fn eleven_states_match_the_reference_runs() {
+    run("ekf_aug_full", Biased { acceleration_input: false });
+    run("ekf_aug_axin_full", Biased { acceleration_input: true });
+}
