@@ -43,6 +43,7 @@ use standstill::{Bands, Standstill};
 use wheels::Wheels;
 
 /// What the filter believes, in the form of its kind.
+#[expect(clippy::large_enum_variant, reason = "there is one per estimator, and copying it must not allocate")]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Belief {
     /// `basic`
