@@ -1,2 +1,5 @@
 //! Truth to test against: plants that are richer than the estimators' models and share no equation
 //! with them. Knows neither `model` nor `filter`, draws no random numbers: noise comes from outside.
+
+pub mod road;
+pub mod wheel_loader;
