@@ -1,0 +1,193 @@
+//! Sliding-mode observer of the unknown force on a rotor: `J w' = T - R F`.
+//!
+//! The rotor's speed `w` and torque `T` are measured, the force `F` at radius `R` is not. The observer
+//! copies the rotor, keeps the copy's error `s = w - w_hat` small by an injection, and reads the force
+//! from the injection that was needed (CN117406607B, claim 1, step 2):
+//!
+//! ```text
+//! inj   = k s + eps tanh(a s)
+//! F_nom = F_bar (+ T/R with feedforward)
+//! F_hat = clip(F_nom - (J/R) inj, ±f_max)
+//! w_hat <- w_hat + dt [(T - R F_nom)/J + inj],   F_bar <- F_bar + dt lambda (F_hat - F_nom)
+//! ```
+//!
+//! Errata: the source feeds its own estimate back, `F_nom = F_hat`; sampled, that loop is undamped,
+//! so the nominal force is a low-passed one with a rate `lambda <= kappa/4`. Its `sign(s)` is
+//! unusable when sampled; the smooth saturation `tanh` is the one it introduces later.
+//!
+//! # Why it converges
+//! With `V = s²/2`, `s' = -(R/J)(F - F_nom) - k s - eps sat`: for `sign`, `eps > (R/J) max|F - F_nom|`
+//! suffices; with `k > 0`, `|s|` stays below `(R/J) max|F - F_nom| / k` even if `eps` is too small.
+//!
+//! # Error budget
+//! Inside the layer (`|a s| << 1`), with `kappa = k + eps a`,
+//! `F_hat = kappa (p + lambda)/(p² + kappa p + lambda kappa) F`: a first-order lag for `lambda = 0`,
+//! no error on ramps for `lambda > 0`, damping `sqrt(kappa/lambda)/2`.
+//!
+//! | cause | force error |
+//! |---|---|
+//! | lag on a ramp, `lambda = 0` | at most `max|F'| / kappa`; in general `(F_hat' - F_bar')/kappa` |
+//! | white speed noise | `(J/R) kappa sigma_w sqrt(2/(2 - kappa dt))` |
+//! | white torque noise | `sigma_T/R sqrt(kappa dt/(2 - kappa dt))` |
+//! | torque bias `b` | `b/R`, not observable |
+//! | inertia error `dJ` | `-(dJ/R) w'` |
+//!
+//! Sampling needs `kappa dt < 2`; above 0.5 noise and lag grow quickly. A good `kappa` is near
+//! `sqrt(max|F'| R / (J sigma_w))`. Torque bias and inertia, not the gain, limit the accuracy.
+
+use serde::{Deserialize, Serialize};
+
+/// The rotor and the observer's settings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SlidingMode {
+    /// Moment of inertia `J`, kg m².
+    pub inertia: f64,
+    /// Radius `R` at which the force acts, m.
+    pub radius: f64,
+    /// Linear gain `k`, 1/s.
+    pub gain: f64,
+    /// Amplitude `eps` of the smooth switching term, rad/s².
+    pub amplitude: f64,
+    /// Steepness `a` of the switching term, s/rad.
+    pub width: f64,
+    /// Rate `lambda` of the low-passed nominal force, 1/s.
+    pub nominal_rate: f64,
+    /// Largest force `f_max` that is reported, N; infinite for none.
+    pub force_limit: f64,
+    /// Whether the nominal force contains `T/R`.
+    pub feedforward: bool,
+    /// The adaptation of the amplitude, if any.
+    pub adaptation: Option<Adaptation>,
+}
+
+/// `eps <- clip(eps + dt gamma |s| (+1 if |s| > dead zone else -1), least, greatest)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Adaptation {
+    /// Rate `gamma`, 1/s².
+    pub rate: f64,
+    /// Error below which the amplitude shrinks, rad/s.
+    pub dead_zone: f64,
+    /// Least amplitude, rad/s².
+    pub least: f64,
+    /// Greatest amplitude, rad/s².
+    pub greatest: f64,
+}
+
+/// What a step of the observer changes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SlidingModeState {
+    /// The copy's speed `w_hat`, rad/s.
+    pub speed: f64,
+    /// Low-passed nominal force `F_bar`, N.
+    pub nominal: f64,
+    /// Present amplitude, rad/s².
+    pub amplitude: f64,
+    /// Last estimated force `F_hat`, N.
+    pub force: f64,
+    /// Low-passed lag error, N: `(F_hat' - F_bar')/kappa`.
+    pub lag: f64,
+    /// Last change of speed, rad/s².
+    pub acceleration: f64,
+    /// Samples without a measured speed since the last one.
+    pub stale: u32,
+    /// Whether a speed was ever measured.
+    pub started: bool,
+}
+
+impl SlidingMode {
+    /// The state before the first sample.
+    pub fn start(&self) -> SlidingModeState {
+        SlidingModeState {
+            speed: 0.0,
+            nominal: 0.0,
+            amplitude: self.amplitude,
+            force: 0.0,
+            lag: 0.0,
+            acceleration: 0.0,
+            stale: 0,
+            started: false,
+        }
+    }
+
+    /// The gain inside the layer, `kappa = k + eps a`, at an amplitude, 1/s.
+    pub fn layer_gain(&self, amplitude: f64) -> f64 {
+        self.gain + amplitude * self.width
+    }
+
+    /// The largest layer gain that adaptation can reach, 1/s.
+    pub fn greatest_layer_gain(&self) -> f64 {
+        self.layer_gain(self.adaptation.as_ref().map_or(self.amplitude, |a| a.greatest.max(self.amplitude)))
+    }
+
+    /// Takes one sample of speed (rad/s) and torque (N m) and gives the force, N.
+    ///
+    /// A speed that is not finite is a missing sample: the copy runs on with the last force, which is held.
+    pub fn step(&self, state: &mut SlidingModeState, speed: f64, torque: f64, dt: f64) -> f64 {
+        let (j, r) = (self.inertia, self.radius);
+        if !speed.is_finite() {
+            state.stale = state.stale.saturating_add(1);
+            if state.started {
+                state.acceleration = (torque - r * state.force) / j;
+                state.speed += dt * state.acceleration;
+            }
+            return state.force;
+        }
+        if !state.started {
+            state.speed = speed;
+            state.started = true;
+        }
+        let s = speed - state.speed;
+        let injection = self.gain * s + state.amplitude * (self.width * s).tanh();
+        let nominal = state.nominal + if self.feedforward { torque / r } else { 0.0 };
+        let force = (nominal - j / r * injection).clamp(-self.force_limit, self.force_limit);
+
+        let before = (state.force, state.nominal, state.stale);
+        state.acceleration = (torque - r * nominal) / j + injection;
+        state.speed += dt * state.acceleration;
+        state.nominal += dt * self.nominal_rate * (force - nominal);
+        state.force = force;
+        state.stale = 0;
+        let kappa = self.layer_gain(state.amplitude);
+        if before.2 == 0 {
+            // rates of change, seen through a low-pass a quarter as fast as the layer
+            let rate = (force - before.0 - (state.nominal - before.1)) / dt;
+            state.lag += (0.25 * kappa * dt).min(1.0) * (rate / kappa - state.lag);
+        }
+        if let Some(law) = &self.adaptation {
+            let direction = if s.abs() > law.dead_zone { 1.0 } else { -1.0 };
+            let moved = state.amplitude + dt * law.rate * s.abs() * direction;
+            state.amplitude = moved.clamp(law.least, law.greatest);
+        }
+        force
+    }
+
+    /// The error budget: standard deviation of the last force, N, from the standard deviations of
+    /// speed noise (rad/s), torque noise and torque bias (N m), and the relative error of the inertia.
+    pub fn force_std(&self, state: &SlidingModeState, known: &Knowledge, dt: f64) -> f64 {
+        let (j, r) = (self.inertia, self.radius);
+        let kappa = self.layer_gain(state.amplitude);
+        let sampled = (kappa * dt).min(1.9);
+        let speed = j / r * kappa * known.speed_noise * (2.0 / (2.0 - sampled)).sqrt();
+        let through = if self.feedforward { 1.0 } else { (sampled / (2.0 - sampled)).sqrt() };
+        let torque = known.torque_noise / r * through;
+        let bias = known.torque_bias / r;
+        let inertia = known.inertia_error * j / r * state.acceleration;
+        // a held force is as wrong as the force may have moved since
+        let held = f64::from(state.stale.min(1_000_000)) * dt * (state.lag * kappa).abs();
+        (speed * speed + torque * torque + bias * bias + inertia * inertia + state.lag * state.lag + held * held)
+            .sqrt()
+    }
+}
+
+/// How well the observer's inputs are known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Knowledge {
+    /// White noise of the speed, rad/s.
+    pub speed_noise: f64,
+    /// White noise of the torque, N m.
+    pub torque_noise: f64,
+    /// Constant error of the torque, N m.
+    pub torque_bias: f64,
+    /// Relative error of the inertia.
+    pub inertia_error: f64,
+}
