@@ -10,3 +10,5 @@ pub mod sigma_points;
 pub mod square_root;
 pub mod srukf;
 pub mod ukf;
+pub mod sliding_mode;
+pub mod srckf;

@@ -4,3 +4,6 @@
 pub mod nursing_robot;
 pub mod wheel_loader;
 pub mod wheelchair;
+pub mod lanes;
+pub mod tire;
+pub mod wheeled_robot;

@@ -1,0 +1,186 @@
+//! Square-root cubature Kalman filter: `2N` equally weighted points `x ± sqrt(N) S e_i`.
+//!
+//! The filter carries a lower triangular factor `S` of the covariance `P = S Sᵀ`, which is
+//! symmetric and positive semidefinite by construction. CN117406607B, claim 1, step 3, in its eleven steps, for
+//! `x[k] = f(x[k-1], u[k-1]) + q`, `z[k] = h(x[k], u[k]) + r` with independent Gaussian noises:
+//!
+//! ```text
+//!  1  S0                                        7  z_hat = mean Z,  Zc = (Z - z_hat)/sqrt(2N),
+//!  2  X_i = x ± sqrt(N) S e_i                      S_zz = tria[Zc  S_R]
+//!  3  X*_i = f(X_i)                             8  P_xz = Xc Zcᵀ
+//!  4  x = mean X*,  S = tria[(X* - x)/sqrt(2N)  S_Q]
+//!  5  X_i = x ± sqrt(N) S e_i  (drawn anew)     9  W = (P_xz / S_zzᵀ) / S_zz
+//!  6  Z_i = h(X_i)                             10  x = x + W (z - z_hat)
+//!                                              11  S = tria[Xc - W Zc  W S_R]
+//! ```
+//!
+//! Errata: step 7 of the source calls `S_R` process noise; it is measurement noise. Its title speaks of
+//! non-Gaussian noise; nothing in the filter treats any.
+//!
+//! Other programs skip step 5 and keep the propagated points, which loses the process noise in the
+//! measurement's spread; drawn anew the filter equals an unscented one with `alpha = 1, beta = 0,
+//! kappa = 0`. A measurement that is not finite is left out.
+
+use super::square_root::{absorb, forward, tria};
+use nalgebra::{SMatrix, SVector};
+
+/// Mean and factor of the covariance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SrCkf<const N: usize> {
+    /// State `x`.
+    pub state: SVector<f64, N>,
+    /// Lower triangular `S` with `P = S Sᵀ`.
+    pub factor: SMatrix<f64, N, N>,
+}
+
+/// What a measurement update says about the measurement. Rows of channels that were left out have
+/// innovation 0, and 1 on the diagonal of the factor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Innovation<const M: usize> {
+    /// `z - z_hat`.
+    pub residual: SVector<f64, M>,
+    /// Lower triangular `S_zz`.
+    pub factor: SMatrix<f64, M, M>,
+    /// Which channels were there.
+    pub used: [bool; M],
+    /// Number of channels that were there.
+    pub channels: usize,
+    /// Normalised innovation squared, chi-squared with `channels` degrees of freedom; NaN without channels.
+    pub nis: f64,
+    /// Logarithm of the likelihood, 0 without channels.
+    pub log_likelihood: f64,
+    /// The measurement was rejected by the gate and the prediction stayed.
+    pub gated: bool,
+}
+
+impl<const N: usize> SrCkf<N> {
+    /// Starts at `state` with independent standard deviations (step 1).
+    pub fn new(state: SVector<f64, N>, std: SVector<f64, N>) -> Self {
+        Self { state, factor: SMatrix::from_diagonal(&std) }
+    }
+
+    /// Time update (steps 2 to 4) through `f`, with the standard deviations of the process noise over
+    /// this step.
+    pub fn predict(&mut self, std: &SVector<f64, N>, f: impl Fn(&SVector<f64, N>) -> SVector<f64, N>) {
+        let (plus, minus) = self.points(&f);
+        self.state = mean(&plus, &minus);
+        self.factor = SMatrix::from_diagonal(&std.abs());
+        absorb(&mut self.factor, centred(&plus, &self.state));
+        absorb(&mut self.factor, centred(&minus, &self.state));
+    }
+
+    /// Measurement update (steps 5 to 11) with `z`, its standard deviations and `h`.
+    ///
+    /// Channels of `z` that are not finite are left out. The whole measurement is rejected if its NIS
+    /// exceeds `gate` times the number of channels.
+    pub fn update<const M: usize>(
+        &mut self,
+        z: &SVector<f64, M>,
+        std: &SVector<f64, M>,
+        gate: f64,
+        h: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
+    ) -> Innovation<M> {
+        let used: [bool; M] = std::array::from_fn(|j| z[j].is_finite());
+        let channels = used.iter().filter(|used| **used).count();
+        let mut out = Innovation {
+            residual: SVector::zeros(),
+            factor: SMatrix::identity(),
+            used,
+            channels,
+            nis: f64::NAN,
+            log_likelihood: 0.0,
+            gated: false,
+        };
+        if channels == 0 {
+            return out;
+        }
+        let (mut plus, mut minus) = self.points(&h);
+        let expected = mean(&plus, &minus);
+        plus = centred(&plus, &expected);
+        minus = centred(&minus, &expected);
+        // A channel without a sample becomes one that measures nothing, with unit noise: independent
+        // of all others, without gain and without a share in the likelihood.
+        let mut noise = SMatrix::<f64, M, M>::identity();
+        for j in 0..M {
+            if used[j] {
+                noise[(j, j)] = std[j];
+                out.residual[j] = z[j] - expected[j];
+            } else {
+                plus.row_mut(j).fill(0.0);
+                minus.row_mut(j).fill(0.0);
+            }
+        }
+        out.factor = noise;
+        absorb(&mut out.factor, plus);
+        absorb(&mut out.factor, minus);
+
+        let white = forward(&out.factor, &out.residual);
+        let log_determinant: f64 = (0..M).map(|j| out.factor[(j, j)].ln()).sum();
+        out.nis = white.norm_squared();
+        out.log_likelihood =
+            -0.5 * (out.nis + 2.0 * log_determinant + channels as f64 * std::f64::consts::TAU.ln());
+        out.gated = out.nis > gate * channels as f64;
+        if out.gated {
+            return out;
+        }
+
+        // The centred points are ± S e_i sqrt(N/2N), so P_xz = S (Zc+ - Zc-)ᵀ / sqrt(2)
+        let spread = self.factor * std::f64::consts::FRAC_1_SQRT_2;
+        let covariance = spread * (plus - minus).transpose();
+        let gain = divide(&covariance, &out.factor);
+        self.state += gain * out.residual;
+        self.factor = tria(spread - gain * plus);
+        absorb(&mut self.factor, -spread - gain * minus);
+        absorb(&mut self.factor, gain * noise);
+        out
+    }
+
+    /// The points `x + sqrt(N) S e_i` and `x - sqrt(N) S e_i`, taken through `function`.
+    fn points<const M: usize>(
+        &self,
+        function: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
+    ) -> (SMatrix<f64, M, N>, SMatrix<f64, M, N>) {
+        let step = (N as f64).sqrt();
+        let (mut plus, mut minus) = (SMatrix::<f64, M, N>::zeros(), SMatrix::<f64, M, N>::zeros());
+        for i in 0..N {
+            let offset = self.factor.column(i) * step;
+            plus.set_column(i, &function(&(self.state + offset)));
+            minus.set_column(i, &function(&(self.state - offset)));
+        }
+        (plus, minus)
+    }
+}
+
+fn mean<const N: usize, const M: usize>(plus: &SMatrix<f64, M, N>, minus: &SMatrix<f64, M, N>) -> SVector<f64, M> {
+    (plus.column_sum() + minus.column_sum()) / (2 * N) as f64
+}
+
+fn centred<const N: usize, const M: usize>(points: &SMatrix<f64, M, N>, mean: &SVector<f64, M>) -> SMatrix<f64, M, N> {
+    let scale = 1.0 / ((2 * N) as f64).sqrt();
+    let mut centred = *points;
+    for mut column in centred.column_iter_mut() {
+        column -= mean;
+        column *= scale;
+    }
+    centred
+}
+
+/// `P (L Lᵀ)⁻¹` by substitution, no inverse.
+fn divide<const N: usize, const M: usize>(p: &SMatrix<f64, N, M>, l: &SMatrix<f64, M, M>) -> SMatrix<f64, N, M> {
+    let mut w = *p;
+    for row in 0..N {
+        for j in 0..M {
+            for k in 0..j {
+                w[(row, j)] -= l[(j, k)] * w[(row, k)];
+            }
+            w[(row, j)] /= l[(j, j)];
+        }
+        for j in (0..M).rev() {
+            for k in j + 1..M {
+                w[(row, j)] -= l[(k, j)] * w[(row, k)];
+            }
+            w[(row, j)] /= l[(j, j)];
+        }
+    }
+    w
+}

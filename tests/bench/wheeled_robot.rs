@@ -1,0 +1,82 @@
+//! Cost of the wheeled robot's estimator: observers of four wheels, cubature filter, whole step.
+
+use divan::{Bencher, black_box};
+use nalgebra::{SVector, Vector3, Vector4};
+use wheelstate::filter::sliding_mode::SlidingMode;
+use wheelstate::filter::srckf::SrCkf;
+use wheelstate::model::tire::{Tire, Tires};
+use wheelstate::model::wheeled_robot::{Drive, Integrator, WheeledRobot};
+
+fn main() {
+    divan::main();
+}
+
+fn robot() -> WheeledRobot {
+    let tire = Tire {
+        stiffness: 1318.464,
+        nominal_load: 147.15,
+        load_sensitivity: 2.0,
+        shape: 1.4,
+        friction: 0.8,
+        friction_slope: -0.1,
+        curvature: -0.2,
+    };
+    WheeledRobot {
+        mass: 60.0,
+        yaw_inertia: 7.5,
+        cg_to_front: 0.38,
+        cg_to_rear: 0.42,
+        track_front: 0.6,
+        track_rear: 0.62,
+        cg_height: 0.25,
+        tires: Tires::new(&tire, &tire),
+        minimum_speed: 0.5,
+        combined: false,
+    }
+}
+
+#[divan::bench]
+fn observers_of_four_wheels(bencher: Bencher) {
+    let observer = SlidingMode {
+        inertia: 0.06,
+        radius: 0.15,
+        gain: 10.0,
+        amplitude: 246.0,
+        width: 20.0 / 246.0,
+        nominal_rate: 7.5,
+        force_limit: f64::INFINITY,
+        feedforward: false,
+        adaptation: None,
+    };
+    let mut states = [observer.start(); 4];
+    let mut time = 0.0;
+    bencher.bench_local(|| {
+        time += 0.01;
+        for state in &mut states {
+            observer.step(state, black_box(20.0 + 0.1 * time), black_box(1.0), 0.01);
+        }
+    });
+}
+
+#[divan::bench]
+fn forces(bencher: Bencher) {
+    let (robot, drive) = (robot(), Drive::new(0.1, [3.0; 4]));
+    bencher.bench_local(|| robot.forces(black_box(&[3.0, 0.1, 0.4]), black_box(&drive)));
+}
+
+#[divan::bench]
+fn cubature_filter(bencher: Bencher) {
+    let (robot, drive) = (robot(), Drive::new(0.1, [0.0; 4]));
+    let mut filter = SrCkf::new(Vector3::new(3.0, 0.0, 0.0), Vector3::new(0.5, 0.2, 0.2));
+    let (q, r) = (Vector3::repeat(0.02), Vector4::new(0.1, 0.1, 0.01, 0.05));
+    let z = Vector4::new(0.0, 1.0, 0.35, 3.0);
+    bencher.bench_local(|| {
+        filter.predict(&q, |x| {
+            SVector::from(robot.advance(&(*x).into(), black_box(&drive), 0.01, Integrator::Euler, 1))
+        });
+        filter.update(black_box(&z), &r, f64::INFINITY, |x| {
+            let forces = robot.forces(&(*x).into(), &drive);
+            Vector4::new(forces.accel_x, forces.accel_y, x[2], x[0])
+        })
+    });
+}
