@@ -137,7 +137,13 @@ fn sliding_mode_observer() {
             let at = |name| table.at(row, name);
             let (drive, brake, speed) = (at("t_drive"), at("t_brake"), at("omega"));
             if drive.is_finite() && brake.is_finite() {
-                torque = wheel_torque(drive, brake, if speed.is_finite() { speed } else { state.speed }, number("omega_stop"), 0.0);
+                torque = wheel_torque(
+                    drive,
+                    brake,
+                    if speed.is_finite() { speed } else { state.speed },
+                    number("omega_stop"),
+                    0.0,
+                );
             }
             let force = observer.step(&mut state, speed, torque, 0.01);
             let what = |name| format!("{variant} row {row} {name}");

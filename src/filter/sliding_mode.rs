@@ -174,8 +174,7 @@ impl SlidingMode {
         let inertia = known.inertia_error * j / r * state.acceleration;
         // a held force is as wrong as the force may have moved since
         let held = f64::from(state.stale.min(1_000_000)) * dt * (state.lag * kappa).abs();
-        (speed * speed + torque * torque + bias * bias + inertia * inertia + state.lag * state.lag + held * held)
-            .sqrt()
+        (speed * speed + torque * torque + bias * bias + inertia * inertia + state.lag * state.lag + held * held).sqrt()
     }
 }
 

@@ -117,8 +117,7 @@ impl<const N: usize> SrCkf<N> {
         let white = forward(&out.factor, &out.residual);
         let log_determinant: f64 = (0..M).map(|j| out.factor[(j, j)].ln()).sum();
         out.nis = white.norm_squared();
-        out.log_likelihood =
-            -0.5 * (out.nis + 2.0 * log_determinant + channels as f64 * std::f64::consts::TAU.ln());
+        out.log_likelihood = -0.5 * (out.nis + 2.0 * log_determinant + channels as f64 * std::f64::consts::TAU.ln());
         out.gated = out.nis > gate * channels as f64;
         if out.gated {
             return out;

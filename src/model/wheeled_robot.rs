@@ -14,8 +14,11 @@
 //!
 //! Erratum: the source calls the accelerations' noise "process noise"; it is measurement noise.
 
-use super::lanes::{self, Lanes};
 use super::tire::Tires;
+use wide::f64x4;
+
+/// One number per wheel, in the order front left, front right, rear left, rear right.
+pub type Wheels = [f64; 4];
 
 /// Gravity, m/s².
 pub const GRAVITY: f64 = 9.81;
@@ -53,18 +56,18 @@ pub struct WheeledRobot {
 pub struct Drive {
     steering_sin: f64,
     steering_cos: f64,
-    longitudinal: Lanes,
+    longitudinal: Wheels,
 }
 
 impl Drive {
     /// From the steering angle of the front wheels (rad) and the longitudinal wheel forces (N).
-    pub fn new(steering: f64, longitudinal: Lanes) -> Self {
+    pub fn new(steering: f64, longitudinal: Wheels) -> Self {
         let (steering_sin, steering_cos) = steering.sin_cos();
         Self { steering_sin, steering_cos, longitudinal }
     }
 
     /// Longitudinal wheel forces, N.
-    pub fn longitudinal(&self) -> Lanes {
+    pub fn longitudinal(&self) -> Wheels {
         self.longitudinal
     }
 
@@ -78,11 +81,11 @@ impl Drive {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Forces {
     /// Slip angles, rad.
-    pub slip_angle: Lanes,
+    pub slip_angle: Wheels,
     /// Vertical wheel loads, N.
-    pub load: Lanes,
+    pub load: Wheels,
     /// Lateral wheel forces, N.
-    pub lateral: Lanes,
+    pub lateral: Wheels,
     /// Longitudinal specific force at the centre of gravity, m/s².
     pub accel_x: f64,
     /// Lateral specific force at the centre of gravity, m/s².
@@ -103,7 +106,7 @@ pub enum Integrator {
 impl WheeledRobot {
     /// Velocity of the wheels' hubs along and across the wheels, m/s.
     #[inline(always)]
-    pub fn hub_velocities(&self, x: &Motion, drive: &Drive) -> (Lanes, Lanes) {
+    pub fn hub_velocities(&self, x: &Motion, drive: &Drive) -> (Wheels, Wheels) {
         let [vx, vy, r] = *x;
         let (front, rear) = (0.5 * self.track_front * r, 0.5 * self.track_rear * r);
         let (uy_front, uy_rear) = (vy + self.cg_to_front * r, vy - self.cg_to_rear * r);
@@ -117,23 +120,18 @@ impl WheeledRobot {
     /// Slip angles, rad: `-atan(across / max(|along|, v_min))`, positive for a leftward force. The
     /// guard makes them defined at rest and in reverse.
     #[inline(always)]
-    pub fn slip_angles(&self, x: &Motion, drive: &Drive) -> Lanes {
+    pub fn slip_angles(&self, x: &Motion, drive: &Drive) -> Wheels {
         let (along, across) = self.hub_velocities(x, drive);
-        let mut tangent = [0.0; 4];
-        for i in 0..4 {
-            let speed = along[i].abs();
-            tangent[i] = -across[i] / if speed > self.minimum_speed { speed } else { self.minimum_speed };
-        }
-        lanes::atan(tangent)
+        let speed = f64x4::new(along).abs().fast_max(f64x4::splat(self.minimum_speed));
+        (-f64x4::new(across) / speed).atan().to_array()
     }
 
     /// Vertical wheel loads under an acceleration, N. Their sum is the weight and none is negative:
     /// a wheel that would pull at the ground has lifted off.
     #[inline(always)]
-    pub fn loads(&self, accel_x: f64, accel_y: f64) -> Lanes {
+    pub fn loads(&self, accel_x: f64, accel_y: f64) -> Wheels {
         let (weight, base) = (self.mass * GRAVITY, self.cg_to_front + self.cg_to_rear);
-        let front =
-            ((weight * self.cg_to_rear - self.mass * accel_x * self.cg_height) / base).max(0.0).min(weight);
+        let front = ((weight * self.cg_to_rear - self.mass * accel_x * self.cg_height) / base).max(0.0).min(weight);
         let rear = weight - front;
         let lever = self.mass * accel_y * self.cg_height / base;
         let shift_front = (lever * self.cg_to_rear / self.track_front).max(-0.5 * front).min(0.5 * front);
@@ -147,18 +145,19 @@ impl WheeledRobot {
     pub fn forces(&self, x: &Motion, drive: &Drive) -> Forces {
         let slip_angle = self.slip_angles(x, drive);
         let (s, c, fx) = (drive.steering_sin, drive.steering_cos, &drive.longitudinal);
+        let (slip, longitudinal) = (f64x4::new(slip_angle), f64x4::new(*fx));
         let front_fx = fx[0] + fx[1];
         let mut accel_x = (front_fx * c + fx[2] + fx[3]) / self.mass;
         let mut accel_y = 0.0;
         let (mut load, mut lateral) = ([0.0; 4], [0.0; 4]);
         for _ in 0..4 {
             load = self.loads(accel_x, accel_y);
-            lateral = self.tires.lateral_forces(slip_angle, load, *fx, self.combined);
+            lateral = self.tires.lateral_forces(slip, f64x4::new(load), longitudinal, self.combined).to_array();
             let front_fy = lateral[0] + lateral[1];
             accel_x = (front_fx * c - front_fy * s + fx[2] + fx[3]) / self.mass;
             accel_y = (front_fx * s + front_fy * c + lateral[2] + lateral[3]) / self.mass;
         }
-        let bx: Lanes = [fx[0] * c - lateral[0] * s, fx[1] * c - lateral[1] * s, fx[2], fx[3]];
+        let bx: Wheels = [fx[0] * c - lateral[0] * s, fx[1] * c - lateral[1] * s, fx[2], fx[3]];
         let by_front = front_fx * s + (lateral[0] + lateral[1]) * c;
         let moment = self.cg_to_front * by_front - self.cg_to_rear * (lateral[2] + lateral[3])
             + 0.5 * self.track_front * (bx[1] - bx[0])

@@ -71,9 +71,8 @@ fn cubature_filter(bencher: Bencher) {
     let (q, r) = (Vector3::repeat(0.02), Vector4::new(0.1, 0.1, 0.01, 0.05));
     let z = Vector4::new(0.0, 1.0, 0.35, 3.0);
     bencher.bench_local(|| {
-        filter.predict(&q, |x| {
-            SVector::from(robot.advance(&(*x).into(), black_box(&drive), 0.01, Integrator::Euler, 1))
-        });
+        filter
+            .predict(&q, |x| SVector::from(robot.advance(&(*x).into(), black_box(&drive), 0.01, Integrator::Euler, 1)));
         filter.update(black_box(&z), &r, f64::INFINITY, |x| {
             let forces = robot.forces(&(*x).into(), &drive);
             Vector4::new(forces.accel_x, forces.accel_y, x[2], x[0])
