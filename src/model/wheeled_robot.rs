@@ -165,6 +165,15 @@ impl WheeledRobot {
         Forces { slip_angle, load, lateral, accel_x, accel_y, yaw_acceleration: moment / self.yaw_inertia }
     }
 
+    /// Slopes of the lateral forces over the slip angles at fixed loads, N/rad.
+    pub fn cornering_slopes(&self, slip_angle: Wheels, load: Wheels, drive: &Drive) -> Wheels {
+        const STEP: f64 = 1e-4;
+        let (load, longitudinal) = (f64x4::new(load), f64x4::new(drive.longitudinal));
+        let at = |slip: f64x4| self.tires.lateral_forces(slip, load, longitudinal, self.combined);
+        let (slip, step) = (f64x4::new(slip_angle), f64x4::splat(STEP));
+        ((at(slip + step) - at(slip - step)) / f64x4::splat(2.0 * STEP)).to_array()
+    }
+
     /// Time derivative of the motion.
     #[inline]
     pub fn derivative(&self, x: &Motion, drive: &Drive) -> Motion {
