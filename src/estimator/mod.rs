@@ -7,6 +7,7 @@
 pub mod nursing_robot;
 pub mod wheel_loader;
 pub mod wheelchair;
+pub mod wheeled_robot;
 
 use crate::{ParameterError, Status, Variables};
 use serde::{Serialize, de::DeserializeOwned};
@@ -76,5 +77,6 @@ pub trait Visitor {
 pub fn visit_all(visitor: &mut impl Visitor) {
     visitor.visit::<nursing_robot::NursingRobot>();
     visitor.visit::<wheel_loader::WheelLoader>();
+    visitor.visit::<wheeled_robot::WheeledRobot>();
     visitor.visit::<wheelchair::Wheelchair>();
 }

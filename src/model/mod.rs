@@ -2,8 +2,7 @@
 //! with the equation numbers of the sources. Knows no filter.
 
 pub mod nursing_robot;
+pub mod tire;
 pub mod wheel_loader;
 pub mod wheelchair;
-pub mod lanes;
-pub mod tire;
 pub mod wheeled_robot;

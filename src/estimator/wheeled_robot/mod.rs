@@ -120,7 +120,10 @@ impl WheeledRobot {
     /// One sample, after `steps` time steps of `h` seconds.
     fn sample(&mut self, inputs: &Inputs, steps: u32, h: f64, mut status: Status) -> Status {
         let p = &self.parameters;
-        let mut filter = SrCkf { state: SVector::from(self.state.x), factor: SMatrix::from(self.state.factor).transpose() };
+        let mut filter = SrCkf {
+            state: SVector::from(self.state.x),
+            factor: SMatrix::<f64, 3, 3>::from(self.state.factor).transpose(),
+        };
 
         // time update with the inputs of the sample before
         let before = Drive::new(self.state.steering, self.state.wheels.force);
@@ -153,8 +156,11 @@ impl WheeledRobot {
         };
         self.wheels.step(&mut s.wheels, inputs, &self.model, &now, (steps, h), &mut status);
         let drive = Drive::new(s.steering, s.wheels.force);
-        let from_wheels =
-            if p.filter.channels == Channels::WheelSpeed { self.wheels.speed(&s.wheels, &self.model, &now) } else { None };
+        let from_wheels = if p.filter.channels == Channels::WheelSpeed {
+            self.wheels.speed(&s.wheels, &self.model, &now)
+        } else {
+            None
+        };
         let speed = reference.or(from_wheels);
 
         // a start far from the measured speed would only bend the first samples
@@ -225,6 +231,7 @@ impl WheeledRobot {
     /// Whether the longitudinal speed can be known. Without a speed measurement only steering and
     /// turning carry information about it, and the filter's own covariance does not always notice.
     fn judge_speed(&mut self, drive: &Drive, measured: bool, dt: f64) -> Status {
+        let sensed = self.speed_is_measured();
         let s = &mut self.state;
         let share = (dt / MEMORY).min(1.0);
         s.steering_activity += share * (drive.steering_sin().powi(2) - s.steering_activity);
@@ -240,7 +247,7 @@ impl WheeledRobot {
             let grown = s.speed_doubt.powi(2) + drift * drift * dt / p.sample_period + noise * noise;
             s.speed_doubt = grown.sqrt().max(own).min(200.0);
         }
-        let unknown = s.speed_age > MEMORY || !self.speed_is_measured();
+        let unknown = s.speed_age > MEMORY || !sensed;
         let mut status = Status::OK;
         let blind = unknown && !measured && s.speed_doubt > own;
         status.raise_if(blind, Status::UNOBSERVABLE);
@@ -287,7 +294,8 @@ impl Estimator for WheeledRobot {
     fn step(&mut self, inputs: &Inputs, dt: f64) -> Status {
         let period = self.parameters.sample_period;
         let first = self.state.samples == 0;
-        if !first && !(dt > 0.0 && dt.is_finite()) {
+        let forward = dt > 0.0 && dt.is_finite();
+        if !(first || forward) {
             self.state.status |= Status::BAD_STEP;
             return self.state.status;
         }

@@ -49,9 +49,11 @@ impl WheeledRobot {
         let load_std = self.load_std(&lateral_std);
         let (force, force_std) = (s.wheels.force, s.wheels.force_std);
         [out.wheel_force_x_fl, out.wheel_force_x_fr, out.wheel_force_x_rl, out.wheel_force_x_rr] = force;
-        [out.wheel_force_x_fl_std, out.wheel_force_x_fr_std, out.wheel_force_x_rl_std, out.wheel_force_x_rr_std] = force_std;
+        [out.wheel_force_x_fl_std, out.wheel_force_x_fr_std, out.wheel_force_x_rl_std, out.wheel_force_x_rr_std] =
+            force_std;
         [out.wheel_force_y_fl, out.wheel_force_y_fr, out.wheel_force_y_rl, out.wheel_force_y_rr] = lateral;
-        [out.wheel_force_y_fl_std, out.wheel_force_y_fr_std, out.wheel_force_y_rl_std, out.wheel_force_y_rr_std] = lateral_std;
+        [out.wheel_force_y_fl_std, out.wheel_force_y_fr_std, out.wheel_force_y_rl_std, out.wheel_force_y_rr_std] =
+            lateral_std;
         [out.wheel_load_fl, out.wheel_load_fr, out.wheel_load_rl, out.wheel_load_rr] = load;
         [out.wheel_load_fl_std, out.wheel_load_fr_std, out.wheel_load_rl_std, out.wheel_load_rr_std] = load_std;
 
@@ -66,13 +68,7 @@ impl WheeledRobot {
 
     /// Standard deviations of the lateral forces from that of the slip angles, through the slope of the
     /// tyre's curve, N.
-    fn lateral_std(
-        &self,
-        x: &[f64; 3],
-        drive: &Drive,
-        load: &Wheels,
-        spread: impl Fn([f64; 3]) -> f64,
-    ) -> Wheels {
+    fn lateral_std(&self, x: &[f64; 3], drive: &Drive, load: &Wheels, spread: impl Fn([f64; 3]) -> f64) -> Wheels {
         let slip = self.model.slip_angles(x, drive);
         let slope = self.model.cornering_slopes(slip, *load, drive);
         let (along, across) = self.model.hub_velocities(x, drive);

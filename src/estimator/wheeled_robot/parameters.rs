@@ -1,6 +1,6 @@
 //! Declared variables of the wheeled robot: parameters, inputs, outputs.
 
-use crate::{Status, choice, variables};
+use crate::Status;
 
 choice! {
     /// Which measurements the filter uses, besides an optional reference speed.

@@ -3,9 +3,9 @@
 
 use super::parameters::{Axle, Inputs, Parameters};
 use super::{Sample, sample};
+use crate::Status;
 use crate::filter::sliding_mode::{Adaptation, Knowledge, SlidingMode, SlidingModeState};
 use crate::model::wheeled_robot::{Drive, Motion, WheeledRobot, Wheels, wheel_torque};
-use crate::Status;
 use serde::{Deserialize, Serialize};
 
 /// Time constant of the accelerometer's low-pass where it gives the forces, s.
@@ -132,8 +132,8 @@ impl WheelObservers {
             state.acceleration_seen = true;
         }
         if state.torque_seen {
-            for i in 0..4 {
-                self.force_from_torque(state, i, speed[i], now, steps, h);
+            for (i, speed) in speed.into_iter().enumerate() {
+                self.force_from_torque(state, i, speed, now, steps, h);
             }
         } else {
             self.forces_from_acceleration(state, model, now);
