@@ -1,0 +1,64 @@
+//! The GUID of an FMU, made from its content: `{nnnnnnnn-iiii-iiii-ssss-ssssssssssss}`.
+//!
+//! `n` is a hash of the model's name, `i` one of its interface (the XML without GUID and without the
+//! parameters' start values) and `s` one of those start values. So the library finds the model
+//! without looking at the others, refuses an XML of another version, and knows whether the FMU was
+//! packed with start values of its own, which it then reads from the FMU's resources.
+
+use super::resources;
+use crate::model::{Catalogue, Model};
+use sha2::{Digest, Sha256};
+
+/// The GUID of a model with its present start values.
+pub fn of(model: &Model) -> String {
+    format!("{{{}-{}-{}}}", name_part(model.name), interface_part(model), start_part(model))
+}
+
+fn hex(digest: &[u8], digits: usize) -> String {
+    digest.iter().map(|byte| format!("{byte:02x}")).collect::<String>()[..digits].to_owned()
+}
+
+fn name_part(name: &str) -> String {
+    hex(&Sha256::digest(name), 8)
+}
+
+fn interface_part(model: &Model) -> String {
+    let text = hex(&Sha256::digest(super::write(model, "", false)), 8);
+    format!("{}-{}", &text[..4], &text[4..])
+}
+
+fn start_part(model: &Model) -> String {
+    let mut hash = Sha256::new();
+    for variable in &model.parameters {
+        hash.update(variable.start.to_bits().to_le_bytes());
+    }
+    let text = hex(&hash.finalize(), 16);
+    format!("{}-{}", &text[..4], &text[4..])
+}
+
+/// The model that a GUID names, with the start values it was packed with.
+pub fn find(catalogue: Catalogue, guid: &str, resource_location: Option<&str>) -> Result<Model, String> {
+    let parts: Vec<_> = guid.trim_start_matches('{').trim_end_matches('}').split('-').collect();
+    let [name, interface @ .., _, _] = parts.as_slice() else {
+        return Err(format!("the GUID '{guid}' is not one of this library"));
+    };
+    let Some(mut model) = catalogue(&|known| name_part(known) == *name).pop() else {
+        return Err(format!("the GUID '{guid}' belongs to no model of this library"));
+    };
+    if interface.join("-") != interface_part(&model) {
+        let version = env!("CARGO_PKG_VERSION");
+        return Err(format!(
+            "the GUID '{guid}' is of another version of {}; this is wheelstate {version} with {}",
+            model.name,
+            of(&model)
+        ));
+    }
+    if of(&model) == guid {
+        return Ok(model);
+    }
+    resources::load(&mut model, guid, resource_location)?;
+    if of(&model) == guid {
+        return Ok(model);
+    }
+    Err(format!("{} in the FMU's resources does not belong to the GUID '{guid}'", resources::FILE))
+}

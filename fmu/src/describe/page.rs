@@ -1,0 +1,111 @@
+//! `documentation/index.html` of a model, written from its declared variables.
+
+use super::{description, escape, number, units};
+use crate::model::{Model, range_text};
+use std::fmt::Write as _;
+use wheelstate::variable::Kind;
+use wheelstate::{Status, Variable};
+
+const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:62em;margin:2em auto;padding:0 1em;color:#1c2a33}\
+h1,h2{line-height:1.2}h2{margin-top:2em;border-bottom:1px solid #cfd8dc}table{border-collapse:collapse;width:100%;font-size:14px}\
+th,td{text-align:left;vertical-align:top;padding:.3em .6em;border-bottom:1px solid #e3e9ec}th{background:#eef3f5}\
+td:first-child,code{font-family:ui-monospace,monospace;font-size:.93em}pre{background:#f4f7f8;padding:1em;overflow:auto}";
+
+/// The documentation page.
+pub fn html(model: &Model) -> String {
+    let (name, about) = (model.name, escape(model.description));
+    let period = number(model.sample_period());
+    let mut page = format!(
+        r#"<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>{name}</title><style>{STYLE}</style></head><body>
+<h1>{name}</h1>
+<p>{about}</p>
+<p>FMI 2.0 co-simulation, wheelstate {version}. SI units. Licence: MIT or Apache 2.0 (<a href="licenses/">licenses</a>).</p>
+<h2>Run it over a log</h2>
+<pre>import fmpy
+
+log = fmpy.read_csv("log.csv")     # columns: time and the inputs below; nan = no sample
+result = fmpy.simulate_fmu(
+    "{name}.fmu",
+    input=log,
+    start_time=log["time"][0],
+    stop_time=log["time"][-1],
+    output_interval={period},       # fmpy would otherwise record at most 1000 points
+    start_values={{"sample_period": {period}}},
+)</pre>
+<p>Set <code>sample_period</code> to the time between two rows of the log. Inputs without a column keep their start values.</p>
+<h2>Time and samples</h2>
+<p>Sample instants are the start time plus whole multiples of <code>sample_period</code>. A step from t over h takes every sample
+instant in [t, t + h) in order, with the inputs as last set, or extrapolated with their derivatives where the host gave them
+(<code>fmi2SetRealInputDerivatives</code>, order 1, for the next step). A sample is a time update since the sample before and then
+the measurement update. The outputs at t + h are the estimates of the last sample carried forward to t + h by the model, with the
+inputs of that sample held; nothing of this is fed back. Before the first sample they are the initial state. Any step size works, and
+any start time. A step that would pass the stop time is refused.</p>
+<h2>Missing samples</h2>
+<p>NaN in an input that allows it means that this channel has no sample at this instant. An infinite value counts as missing too
+and raises a bit of <code>status</code>. Estimates never become NaN: what has no value yet holds its start value and is flagged.</p>
+<h2>State</h2>
+<p>States can be copied, restored, written as bytes and read back, also in another process and before initialisation. Repeating the
+same steps from a state repeats the results bit for bit.</p>
+"#,
+        version = env!("CARGO_PKG_VERSION"),
+    );
+    table(&mut page, "Inputs", &model.inputs, true, false);
+    table(&mut page, "Outputs", &model.outputs, false, false);
+    page.push_str("<h2>Bits of status</h2>\n<table><tr><th>Value</th><th>Word</th><th>Meaning</th></tr>\n");
+    for (bit, word, meaning) in Status::ALL {
+        let _ = writeln!(page, "<tr><td>{}</td><td>{word}</td><td>{}</td></tr>", 1_u32 << bit, escape(meaning.trim()));
+    }
+    page.push_str("</table>\n");
+    table(&mut page, "Parameters", &model.parameters, true, true);
+    page.push_str(
+        "<p>A fixed parameter is set before the end of the initialisation, a tunable one at any time. A value outside its range\n\
+         is refused with a message that names it. Parameters that do not fit each other are refused at the end of the initialisation.</p>\n\
+         </body></html>\n",
+    );
+    page
+}
+
+fn table(page: &mut String, title: &str, list: &[Variable], starts: bool, changes: bool) {
+    let _ = write!(page, "<h2>{title}</h2>\n<table><tr><th>Name</th><th>Unit</th>");
+    for (column, shown) in [("Start", starts), ("Allowed", changes), ("Change", changes)] {
+        if shown {
+            let _ = write!(page, "<th>{column}</th>");
+        }
+    }
+    page.push_str("<th>Meaning</th></tr>\n");
+    for variable in list {
+        let _ = write!(page, "<tr><td>{}</td><td>{}</td>", variable.name, escape(unit(variable)));
+        if starts {
+            let _ = write!(page, "<td>{}</td>", escape(&start(variable)));
+        }
+        if changes {
+            let change = if variable.tunable { "tunable" } else { "fixed" };
+            let _ = write!(page, "<td>{}</td><td>{change}</td>", escape(&range_text(variable)));
+        }
+        let _ = writeln!(page, "<td>{}</td></tr>", escape(&description(variable)));
+    }
+    page.push_str("</table>\n");
+}
+
+fn unit(variable: &Variable) -> &str {
+    match variable.kind {
+        Kind::Real => variable.unit,
+        Kind::Integer => "integer",
+        Kind::Boolean => "boolean",
+        Kind::Choice(_) => "choice",
+    }
+}
+
+fn start(variable: &Variable) -> String {
+    match variable.kind {
+        Kind::Boolean => (variable.start != 0.0).to_string(),
+        Kind::Choice(items) => items.get(variable.start as usize).copied().unwrap_or_default().to_owned(),
+        _ => match units::display(variable.unit) {
+            Some((display, factor)) if variable.start != 0.0 && variable.start.is_finite() => {
+                format!("{} ({:.4} {display})", number(variable.start), variable.start * factor)
+            }
+            _ => number(variable.start),
+        },
+    }
+}

@@ -1,0 +1,413 @@
+//! One instance of an FMU: phases, values and the sampling of a communication step.
+//!
+//! A refused call changes nothing; its [`Refusal`] says what was wrong and what would be allowed.
+
+use crate::clock::Clock;
+use crate::machine::Machine;
+use crate::model::{Model, Place, Type, check_parameter, offset};
+use crate::phase::{Call, Phase};
+use crate::snapshot::Snapshots;
+use serde::{Deserialize, Serialize};
+
+/// How bad a refusal is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// The request was meaningful but cannot be served.
+    Discard,
+    /// The request was wrong.
+    Error,
+    /// The instance is lost.
+    Fatal,
+}
+
+/// A call that was refused, with the reason for the host's log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refusal {
+    /// How bad it is.
+    pub level: Level,
+    /// What was wrong and what would be allowed.
+    pub message: String,
+}
+
+impl Refusal {
+    /// An error.
+    pub fn error(message: impl Into<String>) -> Self {
+        Self { level: Level::Error, message: message.into() }
+    }
+
+    /// A request that is legal but has no answer here.
+    pub fn discard(message: impl Into<String>) -> Self {
+        Self { level: Level::Discard, message: message.into() }
+    }
+}
+
+/// What the calls give.
+pub type Answer<T> = Result<T, Refusal>;
+
+/// Everything of an instance that changes, except the estimator's own state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Core {
+    pub(crate) phase: Phase,
+    pub(crate) clock: Clock,
+    pub(crate) stop: Option<f64>,
+    pub(crate) parameters: Vec<f64>,
+    pub(crate) inputs: Vec<f64>,
+    /// Time derivatives of the inputs, for the next step only.
+    pub(crate) slopes: Vec<f64>,
+    pub(crate) sloped: bool,
+    /// The inputs of the last sample.
+    pub(crate) held: Vec<f64>,
+    pub(crate) outputs: Vec<f64>,
+    /// The parameters have changed since the estimator was built.
+    pub(crate) stale: bool,
+}
+
+/// One instance.
+pub struct Instance {
+    model: Model,
+    guid: String,
+    pub(crate) core: Core,
+    pub(crate) machine: Box<dyn Machine>,
+    pub(crate) period: f64,
+    /// The states that the host holds.
+    pub(crate) snapshots: Snapshots,
+}
+
+impl Instance {
+    /// A fresh instance of a model; `guid` goes into serialised states.
+    pub fn new(model: Model, guid: impl Into<String>) -> Self {
+        let inputs = Model::starts(&model.inputs);
+        let core = Core {
+            phase: Phase::Instantiated,
+            clock: Clock::new(0.0),
+            stop: None,
+            parameters: Model::starts(&model.parameters),
+            slopes: vec![0.0; inputs.len()],
+            sloped: false,
+            held: inputs.clone(),
+            inputs,
+            outputs: Model::starts(&model.outputs),
+            stale: true,
+        };
+        let machine = model.machine();
+        Self { model, guid: guid.into(), core, machine, period: 0.0, snapshots: Snapshots::default() }
+    }
+
+    /// The model.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The GUID of the FMU.
+    pub fn guid(&self) -> &str {
+        &self.guid
+    }
+
+    /// The communication point, s.
+    pub fn time(&self) -> f64 {
+        self.core.clock.now()
+    }
+
+    /// What was initialised, for the host's log.
+    pub fn summary(&self) -> String {
+        let changed = self.model.parameters.iter().zip(&self.core.parameters);
+        let changed: Vec<_> = changed.filter(|(variable, value)| variable.start != **value).collect();
+        let list: Vec<_> = changed.iter().map(|(variable, value)| format!("{} = {value}", variable.name)).collect();
+        let list = if list.is_empty() { "all parameters as started".to_owned() } else { list.join(", ") };
+        format!("{} samples every {} s from {} s; {list}", self.model.name, self.period, self.time())
+    }
+
+    /// The present phase.
+    pub fn phase(&self) -> Phase {
+        self.core.phase
+    }
+
+    /// Marks the instance as lost.
+    pub fn fail(&mut self) {
+        self.core.phase = Phase::Fatal;
+    }
+
+    /// Refuses a call that the present phase does not allow.
+    pub fn allow(&self, call: Call, function: &str) -> Answer<()> {
+        let phase = self.core.phase;
+        if call.phases().contains(&phase) {
+            return Ok(());
+        }
+        let names: Vec<_> = call.phases().iter().map(|phase| phase.name()).collect();
+        let allowed = if names.is_empty() {
+            "no step of this FMU is ever pending".to_owned()
+        } else {
+            format!("allowed in: {}", names.join(", "))
+        };
+        let level = if phase == Phase::Fatal { Level::Fatal } else { Level::Error };
+        let message = format!("{function} is not allowed in the state '{}'; {allowed}", phase.name());
+        Err(Refusal { level, message })
+    }
+
+    /// `fmi2SetupExperiment`; the tolerance has no meaning for a sampled estimator.
+    pub fn setup(&mut self, start: f64, stop: Option<f64>) -> Answer<()> {
+        if !start.is_finite() {
+            return Err(Refusal::error(format!("startTime = {start} s is not finite")));
+        }
+        if let Some(stop) = stop
+            && (stop.is_nan() || stop < start)
+        {
+            return Err(Refusal::error(format!("stopTime = {stop} s is before startTime = {start} s")));
+        }
+        self.core.clock = Clock::new(start);
+        self.core.stop = stop;
+        Ok(())
+    }
+
+    /// `fmi2EnterInitializationMode`
+    pub fn enter_initialization(&mut self) {
+        self.core.phase = Phase::Initialization;
+    }
+
+    /// `fmi2ExitInitializationMode`: builds the estimator, whose checks go beyond single ranges.
+    pub fn exit_initialization(&mut self) -> Answer<()> {
+        self.refresh()?;
+        self.core.phase = Phase::Stepping;
+        Ok(())
+    }
+
+    /// `fmi2Terminate`
+    pub fn terminate(&mut self) {
+        self.core.phase = Phase::Terminated;
+    }
+
+    /// `fmi2Reset`: as freshly instantiated. States that the host holds stay valid.
+    pub fn reset(&mut self) {
+        let snapshots = std::mem::take(&mut self.snapshots);
+        *self = Self::new(self.model.clone(), std::mem::take(&mut self.guid));
+        self.snapshots = snapshots;
+    }
+
+    /// During initialisation: an estimator of the present parameters and its outputs.
+    fn refresh(&mut self) -> Answer<()> {
+        if self.core.stale {
+            self.machine.build(&self.core.parameters).map_err(|error| Refusal::error(error.to_string()))?;
+            self.period = self.machine.sample_period();
+            self.core.stale = false;
+            self.machine.outputs(&self.core.inputs, 0.0, &mut self.core.outputs);
+        }
+        Ok(())
+    }
+
+    fn locate(&self, reference: u32) -> Answer<Place> {
+        let unknown =
+            || Refusal::error(format!("value reference {reference} belongs to no variable of {}", self.model.name));
+        self.model.place(reference).ok_or_else(unknown)
+    }
+
+    /// Reads variables of one FMI type; `put(i, value)` receives them.
+    pub fn get(&mut self, class: Type, references: &[u32], mut put: impl FnMut(usize, f64)) -> Answer<()> {
+        if self.core.phase == Phase::Initialization {
+            self.refresh()?;
+        }
+        for (i, &reference) in references.iter().enumerate() {
+            let (declared, values, index) = match self.locate(reference)? {
+                Place::Time if class == Type::Real => {
+                    put(i, self.core.clock.now());
+                    continue;
+                }
+                Place::Time => return Err(wrong_type("time", Type::Real, class)),
+                Place::Parameter(index) => (&self.model.parameters, &self.core.parameters, index),
+                Place::Input(index) => (&self.model.inputs, &self.core.inputs, index),
+                Place::Output(index) => (&self.model.outputs, &self.core.outputs, index),
+            };
+            let variable = &declared[index];
+            if Type::of(variable.kind) != class {
+                return Err(wrong_type(&variable.name, Type::of(variable.kind), class));
+            }
+            put(i, values[index] + offset(variable.kind));
+        }
+        Ok(())
+    }
+
+    /// Writes variables of one FMI type, all or none; `value(i)` gives them.
+    pub fn set(&mut self, class: Type, references: &[u32], value: impl Fn(usize) -> f64) -> Answer<()> {
+        let mut retune = false;
+        for (i, &reference) in references.iter().enumerate() {
+            match self.locate(reference)? {
+                Place::Time => return Err(Refusal::error("time has causality independent and cannot be set")),
+                Place::Output(index) => {
+                    let name = &self.model.outputs[index].name;
+                    return Err(Refusal::error(format!("{name} has causality output and cannot be set")));
+                }
+                Place::Parameter(index) => {
+                    self.check_parameter(class, index, value(i))?;
+                    retune = true;
+                }
+                Place::Input(index) => self.check_input(class, index, value(i))?,
+            }
+        }
+        let before = (retune && self.core.phase == Phase::Stepping).then(|| self.core.parameters.clone());
+        for (i, &reference) in references.iter().enumerate() {
+            match self.model.place(reference) {
+                Some(Place::Parameter(index)) => {
+                    self.core.parameters[index] = value(i) - offset(self.model.parameters[index].kind);
+                }
+                Some(Place::Input(index)) => {
+                    self.core.inputs[index] = value(i) - offset(self.model.inputs[index].kind);
+                    self.core.slopes[index] = 0.0;
+                }
+                _ => {}
+            }
+        }
+        match before {
+            Some(before) => {
+                if let Err(error) = self.machine.retune(&self.core.parameters) {
+                    self.core.parameters = before;
+                    return Err(Refusal::error(error.to_string()));
+                }
+            }
+            None => self.core.stale |= retune,
+        }
+        Ok(())
+    }
+
+    fn check_parameter(&self, class: Type, index: usize, value: f64) -> Answer<()> {
+        let variable = &self.model.parameters[index];
+        let name = &variable.name;
+        if Type::of(variable.kind) != class {
+            return Err(wrong_type(name, Type::of(variable.kind), class));
+        }
+        if self.core.phase == Phase::Stepping && !variable.tunable {
+            let text = format!("{name} is a fixed parameter and can be set only before fmi2ExitInitializationMode");
+            return Err(Refusal::error(text));
+        }
+        check_parameter(variable, value - offset(variable.kind)).map_err(Refusal::error)
+    }
+
+    /// Measured inputs take any number, for the estimator judges each sample; others must be finite.
+    fn check_input(&self, class: Type, index: usize, value: f64) -> Answer<()> {
+        let variable = &self.model.inputs[index];
+        match Type::of(variable.kind) {
+            kind if kind != class => Err(wrong_type(&variable.name, kind, class)),
+            Type::Real if variable.measured || value.is_finite() => Ok(()),
+            Type::Real => Err(Refusal::error(format!(
+                "{} = {value} is not finite, and this input cannot be missing; give a number in {}",
+                variable.name, variable.unit
+            ))),
+            _ => check_parameter(variable, value - offset(variable.kind)).map_err(Refusal::error),
+        }
+    }
+
+    /// `fmi2SetRealInputDerivatives`: first time derivatives, valid for the next step only.
+    pub fn set_input_derivatives(&mut self, references: &[u32], orders: &[i32], values: &[f64]) -> Answer<()> {
+        let mut indices = Vec::with_capacity(references.len());
+        for ((&reference, &order), &value) in references.iter().zip(orders).zip(values) {
+            let name = self.name(reference)?;
+            let Some(Place::Input(index)) = self.model.place(reference) else {
+                return Err(Refusal::error(format!("{name} is no input and takes no input derivative")));
+            };
+            if Type::of(self.model.inputs[index].kind) != Type::Real {
+                return Err(Refusal::error(format!("{name} is not Real and takes no input derivative")));
+            }
+            if order != 1 {
+                return Err(Refusal::error(format!(
+                    "input derivative of order {order} for {name}; only order 1 is used"
+                )));
+            }
+            if !value.is_finite() {
+                return Err(Refusal::error(format!("input derivative {value} for {name} is not finite")));
+            }
+            indices.push(index);
+        }
+        for (index, &value) in indices.into_iter().zip(values) {
+            self.core.slopes[index] = value;
+            self.core.sloped = true;
+        }
+        Ok(())
+    }
+
+    /// `fmi2GetRealOutputDerivatives`: the rate at which the model carries the outputs forward at
+    /// the communication point, as a difference over a thousandth of a sample.
+    pub fn output_derivatives(&mut self, references: &[u32], orders: &[i32], values: &mut [f64]) -> Answer<()> {
+        for (&reference, &order) in references.iter().zip(orders) {
+            let name = self.name(reference)?;
+            let real = match self.model.place(reference) {
+                Some(Place::Output(index)) => Type::of(self.model.outputs[index].kind) == Type::Real,
+                _ => false,
+            };
+            if !real {
+                return Err(Refusal::error(format!("{name} is no Real output and has no output derivative")));
+            }
+            if order != 1 {
+                return Err(Refusal::error(format!(
+                    "output derivative of order {order} for {name}; only order 1 is given"
+                )));
+            }
+        }
+        let ahead = self.core.clock.ahead(self.period);
+        let half = 0.5e-3 * self.period;
+        let (early, late) = ((ahead - half).max(0.0), ahead + half);
+        let (mut low, mut high) = (self.core.outputs.clone(), self.core.outputs.clone());
+        self.machine.outputs(&self.core.held, early, &mut low);
+        self.machine.outputs(&self.core.held, late, &mut high);
+        for (&reference, value) in references.iter().zip(values) {
+            if let Some(Place::Output(index)) = self.model.place(reference) {
+                *value = (high[index] - low[index]) / (late - early);
+            }
+        }
+        Ok(())
+    }
+
+    fn name(&self, reference: u32) -> Answer<&str> {
+        Ok(match self.locate(reference)? {
+            Place::Time => "time",
+            Place::Parameter(index) => &self.model.parameters[index].name,
+            Place::Input(index) => &self.model.inputs[index].name,
+            Place::Output(index) => &self.model.outputs[index].name,
+        })
+    }
+
+    /// `fmi2DoStep`: every sample instant in `[point, point + size)` in order, then the outputs at
+    /// the end.
+    pub fn do_step(&mut self, point: f64, size: f64) -> Answer<()> {
+        self.check_step(point, size)?;
+        let core = &mut self.core;
+        let until = core.clock.advance(point, size, self.period);
+        if core.clock.samples() < until {
+            core.held.copy_from_slice(&core.inputs);
+        }
+        while core.clock.samples() < until {
+            let after = core.clock.tick(self.period);
+            if core.sloped {
+                for ((held, input), slope) in core.held.iter_mut().zip(&core.inputs).zip(&core.slopes) {
+                    *held = input + slope * after;
+                }
+            }
+            self.machine.step(&core.held);
+        }
+        if core.sloped {
+            core.slopes.fill(0.0);
+            core.sloped = false;
+        }
+        self.machine.outputs(&core.held, core.clock.ahead(self.period), &mut core.outputs);
+        Ok(())
+    }
+
+    fn check_step(&self, point: f64, size: f64) -> Answer<()> {
+        let (now, tolerance) = (self.core.clock.now(), self.core.clock.tolerance(self.period));
+        if !(size > 0.0 && size.is_finite()) {
+            return Err(Refusal::error(format!("communicationStepSize = {size} s must be positive and finite")));
+        }
+        if point.is_nan() || (point - now).abs() > tolerance {
+            let text = format!("currentCommunicationPoint = {point} s, but the last step ended at {now} s");
+            return Err(Refusal::error(text));
+        }
+        if let Some(stop) = self.core.stop
+            && point + size > stop + tolerance
+        {
+            let text = format!("the step from {point} s over {size} s goes beyond stopTime = {stop} s");
+            return Err(Refusal::error(text));
+        }
+        Ok(())
+    }
+}
+
+fn wrong_type(name: &str, is: Type, asked: Type) -> Refusal {
+    Refusal::error(format!("{name} is of type {is:?}, not {asked:?}"))
+}

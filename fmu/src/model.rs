@@ -1,0 +1,207 @@
+//! One model: its declared variables, their value references and their start values.
+//!
+//! Value references: `0` is the time, `10000 + i` the parameters, `20000 + i` the inputs and
+//! `30000 + i` the outputs, `i` counting in the order of declaration from 0.
+
+use crate::machine::{Machine, Typed};
+use wheelstate::estimator::{Visitor, visit_all};
+use wheelstate::variable::Kind;
+use wheelstate::{Estimator, Variable, Variables};
+
+const GROUP: u32 = 10_000;
+
+/// Where the value of a value reference lives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// The simulation time.
+    Time,
+    /// Parameter number.
+    Parameter(usize),
+    /// Input number.
+    Input(usize),
+    /// Output number.
+    Output(usize),
+}
+
+impl Place {
+    /// The value reference of this place.
+    pub fn reference(self) -> u32 {
+        let (group, index) = match self {
+            Self::Time => (0, 0),
+            Self::Parameter(index) => (1, index),
+            Self::Input(index) => (2, index),
+            Self::Output(index) => (3, index),
+        };
+        group * GROUP + index as u32
+    }
+}
+
+/// The FMI type through whose functions a variable is read and written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Type {
+    /// `fmi2GetReal`, `fmi2SetReal`.
+    Real,
+    /// `fmi2GetInteger`, `fmi2SetInteger`; also enumerations, whose values count from 1.
+    Integer,
+    /// `fmi2GetBoolean`, `fmi2SetBoolean`.
+    Boolean,
+}
+
+impl Type {
+    /// The FMI type of a kind of variable.
+    pub fn of(kind: Kind) -> Self {
+        match kind {
+            Kind::Real => Self::Real,
+            Kind::Integer | Kind::Choice(_) => Self::Integer,
+            Kind::Boolean => Self::Boolean,
+        }
+    }
+}
+
+/// The number that FMI's 1-based enumerations add to a value.
+pub fn offset(kind: Kind) -> f64 {
+    if matches!(kind, Kind::Choice(_)) { 1.0 } else { 0.0 }
+}
+
+/// A model: what its FMU consists of.
+#[derive(Clone)]
+pub struct Model {
+    /// Model identifier, the stem of the FMU's file name.
+    pub name: &'static str,
+    /// What it estimates.
+    pub description: &'static str,
+    /// Parameters; their start values may have been replaced by identified ones.
+    pub parameters: Vec<Variable>,
+    /// Inputs.
+    pub inputs: Vec<Variable>,
+    /// Outputs.
+    pub outputs: Vec<Variable>,
+    machine: fn() -> Box<dyn Machine>,
+}
+
+impl Model {
+    /// The model of an estimator.
+    pub fn of<E: Estimator + 'static>() -> Self {
+        Self {
+            name: E::NAME,
+            description: E::DESCRIPTION,
+            parameters: E::Parameters::declare(),
+            inputs: E::Inputs::declare(),
+            outputs: E::Outputs::declare(),
+            machine: || Box::new(Typed::<E>::default()),
+        }
+    }
+
+    /// An estimator without parameters yet.
+    pub fn machine(&self) -> Box<dyn Machine> {
+        (self.machine)()
+    }
+
+    /// The place of a value reference.
+    pub fn place(&self, reference: u32) -> Option<Place> {
+        let index = (reference % GROUP) as usize;
+        match reference / GROUP {
+            0 if index == 0 => Some(Place::Time),
+            1 if index < self.parameters.len() => Some(Place::Parameter(index)),
+            2 if index < self.inputs.len() => Some(Place::Input(index)),
+            3 if index < self.outputs.len() => Some(Place::Output(index)),
+            _ => None,
+        }
+    }
+
+    /// The start values of a list of variables.
+    pub fn starts(list: &[Variable]) -> Vec<f64> {
+        list.iter().map(|variable| variable.start).collect()
+    }
+
+    /// The parameter of this name with its number.
+    pub fn parameter(&self, name: &str) -> Option<(usize, &Variable)> {
+        self.parameters.iter().enumerate().find(|(_, variable)| variable.name == name)
+    }
+
+    /// Replaces start values of parameters, all or none; the estimator must accept the result.
+    pub fn bake(&mut self, values: &[(usize, f64)]) -> Result<(), String> {
+        let mut baked = Self::starts(&self.parameters);
+        for &(index, value) in values {
+            check_parameter(&self.parameters[index], value)?;
+            baked[index] = value;
+        }
+        self.machine().build(&baked).map_err(|error| error.to_string())?;
+        for (variable, value) in self.parameters.iter_mut().zip(baked) {
+            variable.start = value;
+        }
+        Ok(())
+    }
+
+    /// Default time between two samples, s.
+    pub fn sample_period(&self) -> f64 {
+        self.parameter("sample_period").map_or(0.01, |(_, variable)| variable.start)
+    }
+
+    /// Name in lower case with dashes, as commands and files of the tools spell the vehicle.
+    pub fn command_name(&self) -> String {
+        let mut text = String::new();
+        for (i, letter) in self.name.char_indices() {
+            if letter.is_uppercase() && i > 0 {
+                text.push('-');
+            }
+            text.extend(letter.to_lowercase());
+        }
+        text
+    }
+}
+
+/// Models by name; lets a caller leave out those it does not want.
+pub type Catalogue = fn(wanted: &dyn Fn(&str) -> bool) -> Vec<Model>;
+
+/// The models of this library whose names are `wanted`.
+pub fn models(wanted: &dyn Fn(&str) -> bool) -> Vec<Model> {
+    struct Collect<'a>(&'a dyn Fn(&str) -> bool, Vec<Model>);
+    impl Visitor for Collect<'_> {
+        fn visit<E: Estimator + 'static>(&mut self) {
+            if (self.0)(E::NAME) {
+                self.1.push(Model::of::<E>());
+            }
+        }
+    }
+    let mut collect = Collect(wanted, Vec::new());
+    visit_all(&mut collect);
+    collect.1
+}
+
+/// Checks a parameter's value; the message names the variable, the value and what is allowed.
+pub fn check_parameter(variable: &Variable, value: f64) -> Result<(), String> {
+    if variable.check(value).is_ok() {
+        return Ok(());
+    }
+    let name = &variable.name;
+    if let Kind::Choice(items) = variable.kind {
+        let list: Vec<_> = items.iter().enumerate().map(|(i, item)| format!("{} = {item}", i + 1)).collect();
+        return Err(format!("{name} = {} is not one of {}", value + 1.0, list.join(", ")));
+    }
+    let unit = if variable.unit == "1" { String::new() } else { format!(" {}", variable.unit) };
+    let reason = if value.is_nan() {
+        "is not a number"
+    } else if variable.kind != Kind::Real && value.fract() != 0.0 {
+        "is not a whole number"
+    } else {
+        "is outside the allowed range"
+    };
+    Err(format!("{name} = {value}{unit} {reason}; allowed: {}", range_text(variable)))
+}
+
+/// The allowed values in words: `1..=100 kg`.
+pub fn range_text(variable: &Variable) -> String {
+    let unit = if variable.unit == "1" { String::new() } else { format!(" {}", variable.unit) };
+    match (variable.kind, variable.range) {
+        (Kind::Boolean, _) => "false or true".to_owned(),
+        (Kind::Choice(items), _) => items.join(", "),
+        (Kind::Integer, (low, high)) if low <= f64::from(i32::MIN) && high >= f64::from(i32::MAX) => {
+            "any whole number".to_owned()
+        }
+        (_, (f64::NEG_INFINITY, f64::INFINITY)) => "any finite number".to_owned(),
+        (_, (low, f64::INFINITY)) => format!("at least {low}{unit}"),
+        (_, (f64::NEG_INFINITY, high)) => format!("at most {high}{unit}"),
+        (_, (low, high)) => format!("{low}..={high}{unit}"),
+    }
+}
