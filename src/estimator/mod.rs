@@ -8,6 +8,7 @@ pub mod nursing_robot;
 pub mod wheel_loader;
 pub mod wheelchair;
 pub mod wheeled_robot;
+pub mod human_dynamics;
 
 use crate::{ParameterError, Status, Variables};
 use serde::{Serialize, de::DeserializeOwned};

@@ -12,3 +12,7 @@ pub mod square_root;
 pub mod srckf;
 pub mod srukf;
 pub mod ukf;
+pub mod map;
+pub mod savitzky_golay;
+pub mod sparse_ldl;
+pub mod tree_qr;

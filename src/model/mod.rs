@@ -6,3 +6,4 @@ pub mod tire;
 pub mod wheel_loader;
 pub mod wheelchair;
 pub mod wheeled_robot;
+pub mod multibody;

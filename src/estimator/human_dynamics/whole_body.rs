@@ -1,0 +1,225 @@
+//! Accelerations, wrenches and joint torques of any tree of bodies from noisy sensors: the
+//! equations of [`model::multibody`](crate::model::multibody) solved by [`filter::map`](crate::filter::map).
+
+use crate::Status;
+use crate::filter::map::{Map, Method, Numbers, Pattern};
+use crate::model::multibody::equations::{Base, Equations, Kind, Slots};
+use crate::model::multibody::error::ModelError;
+use crate::model::multibody::prior::Variances;
+use crate::model::multibody::sensors::Sensor;
+use crate::model::multibody::tree::Tree;
+use nalgebra::Vector3;
+
+/// A step that changed nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StepError {
+    /// A coordinate, a rate or the base's angular velocity is NaN or infinite.
+    #[error("a joint position, a joint velocity or the base's angular velocity is not finite")]
+    NotFinite,
+    /// Neither method could solve the problem in double precision.
+    #[error("the information matrix is singular to working precision")]
+    SingularInformation,
+}
+
+/// What moves: one sample of the posture.
+#[derive(Clone, Copy, Debug)]
+pub struct Posture<'a> {
+    /// Joint positions in the order of [`Tree::dof_names`], rad (m).
+    pub q: &'a [f64],
+    /// Joint velocities, rad/s (m/s).
+    pub qd: &'a [f64],
+    /// Angular velocity of a moving base in base axes, rad/s.
+    pub base_rate: [f64; 3],
+}
+
+/// One estimate per step, no memory between steps. Allocates at construction only.
+#[derive(Clone, Debug)]
+pub struct WholeBody {
+    equations: Equations,
+    map: Map,
+    /// Weights of all rows when all are present, and of this step.
+    full_weight: Vec<f64>,
+    weight: Vec<f64>,
+    right: Vec<f64>,
+    present: Vec<bool>,
+    precision: Vec<f64>,
+    prior_mean: Vec<f64>,
+    /// Where each sensor's samples start in the samples of a step.
+    sample_start: Vec<usize>,
+}
+
+/// Fronts for the elimination along the tree: a body's front has its own variables and the wrenches
+/// to its children, and bodies are eliminated from the leaves.
+fn fronts(equations: &Equations) -> Vec<u32> {
+    let bodies = &equations.tree().bodies;
+    let mut front = vec![0; equations.variables()];
+    for (b, (body, slots)) in bodies.iter().zip(equations.slots()).enumerate() {
+        let Some(slots) = slots else { continue };
+        for kind in Kind::ALL {
+            let owner = if kind == Kind::ParentWrench { body.parent.unwrap_or(b) } else { b };
+            front[slots.range(kind)].fill((bodies.len() - 1 - owner) as u32);
+        }
+    }
+    front
+}
+
+impl WholeBody {
+    /// Builds the estimator of a tree with its sensors and variances.
+    pub fn new(tree: Tree, base: Base, sensors: Vec<Sensor>, variances: &Variances) -> Result<Self, ModelError> {
+        let mut sample_start = vec![0];
+        for sensor in &sensors {
+            sample_start.push(sample_start[sample_start.len() - 1] + sensor.quantity.rows());
+        }
+        let equations = Equations::new(tree, base, sensors)?;
+        let inverse = |v: Vec<f64>| v.into_iter().map(|v| 1.0 / v).collect::<Vec<f64>>();
+        let full_weight = inverse(variances.of_rows(&equations)?);
+        let precision = inverse(variances.of_variables(&equations)?);
+        let rows = equations.rows();
+        let map = Map::new(&Pattern {
+            unknowns: equations.variables(),
+            start: &rows.start,
+            column: &rows.column,
+            varies: &rows.varies,
+            front: &fronts(&equations),
+        });
+        Ok(Self {
+            map,
+            weight: full_weight.clone(),
+            right: vec![0.0; full_weight.len()],
+            present: vec![true; full_weight.len()],
+            prior_mean: vec![variances.mean; precision.len()],
+            full_weight,
+            precision,
+            sample_start,
+            equations,
+        })
+    }
+
+    /// Estimates from one sample of the posture and of all sensors, in their order; what is not
+    /// finite among the sensors' samples is missing. With `variances` also computes the variances
+    /// of all variables.
+    pub fn step(&mut self, posture: &Posture, samples: &[f64], variances: bool) -> Result<Status, StepError> {
+        let status = self.prepare(posture, samples)?;
+        let numbers = numbers(&self.equations, &self.right, &self.weight, &self.precision, &self.prior_mean);
+        match self.map.solve(&numbers, variances) {
+            Ok(Method::SparseLdl) => Ok(status),
+            Ok(Method::TreeQr) => Ok(status | Status::RECOVERED),
+            Err(_) => Err(StepError::SingularInformation),
+        }
+    }
+
+    /// The same by the orthogonal method alone, for comparison.
+    pub fn step_by_qr(&mut self, posture: &Posture, samples: &[f64], variances: bool) -> Result<Status, StepError> {
+        let status = self.prepare(posture, samples)?;
+        let numbers = numbers(&self.equations, &self.right, &self.weight, &self.precision, &self.prior_mean);
+        match self.map.solve_by_qr(&numbers, variances) {
+            Ok(()) => Ok(status),
+            Err(_) => Err(StepError::SingularInformation),
+        }
+    }
+
+    /// Moves the rows to the posture and takes the samples.
+    fn prepare(&mut self, posture: &Posture, samples: &[f64]) -> Result<Status, StepError> {
+        let finite = |v: &[f64]| v.iter().all(|x| x.is_finite());
+        if !(finite(posture.q) && finite(posture.qd) && finite(&posture.base_rate)) {
+            return Err(StepError::NotFinite);
+        }
+        self.equations.update(posture.q, posture.qd, &Vector3::from(posture.base_rate));
+        let constraints = self.equations.constraint_rows();
+        for (right, offset) in self.right.iter_mut().zip(&self.equations.rows().offset).take(constraints) {
+            *right = -offset;
+        }
+        let mut status = Status::OK;
+        let mut measured = false;
+        for (s, sensor) in self.equations.sensors().iter().enumerate() {
+            let taken = &samples[self.sample_start[s]..self.sample_start[s + 1]];
+            status.raise_if(taken.iter().any(|y| y.is_nan()), Status::MISSING);
+            status.raise_if(taken.iter().any(|y| y.is_infinite()), Status::INFINITE);
+            if sensor.equation_rows() > 0 {
+                let rows = self.equations.sensor_rows(s);
+                self.equations.take(s, taken, &mut self.right[rows.clone()], &mut self.present[rows]);
+            }
+        }
+        for row in constraints..self.weight.len() {
+            self.weight[row] = if self.present[row] { self.full_weight[row] } else { 0.0 };
+            measured |= self.present[row];
+        }
+        status.raise_if(!measured, Status::NO_MEASUREMENT);
+        Ok(status)
+    }
+
+    /// The mean of all variables; see [`Equations::slots`].
+    pub fn mean(&self) -> &[f64] {
+        self.map.mean()
+    }
+
+    /// The variances of all variables of the last step that computed them.
+    pub fn variance(&self) -> &[f64] {
+        self.map.variance()
+    }
+
+    /// The equations.
+    pub fn equations(&self) -> &Equations {
+        &self.equations
+    }
+
+    /// The solver, for its size.
+    pub fn map(&self) -> &Map {
+        &self.map
+    }
+
+    /// Samples that a step takes.
+    pub fn samples(&self) -> usize {
+        self.sample_start[self.sample_start.len() - 1]
+    }
+
+    /// Rows of measurements present in the last step.
+    pub fn measurements(&self) -> usize {
+        self.present[self.equations.constraint_rows()..].iter().filter(|p| **p).count()
+    }
+
+    /// Torque of the joint with coordinate `dof` in `d`.
+    pub fn torque_slot(&self, dof: usize) -> usize {
+        let (body, k) = self.equations.tree().dof_places[dof];
+        let slots = self.equations.slots()[body].unwrap_or(Slots { start: 0, dof: 0 });
+        slots.range(Kind::Torque).start + k
+    }
+
+    /// Residual `b - A mean` of a row of the last step, and its weight.
+    pub fn residual(&self, row: usize) -> (f64, f64) {
+        let rows = self.equations.rows();
+        let entries = rows.start[row]..rows.start[row + 1];
+        let mean = self.map.mean();
+        let product: f64 = entries.map(|e| rows.value[e] * mean[rows.column[e] as usize]).sum();
+        (self.right[row] - product, self.weight[row])
+    }
+
+    /// `sum residual^2 / variance` over the rows of a sensor present in the last step, and their number.
+    pub fn sensor_chi2(&self, sensor: usize) -> (f64, usize) {
+        let rows = self.equations.sensor_rows(sensor);
+        rows.fold((0.0, 0), |(sum, count), row| {
+            let (residual, weight) = self.residual(row);
+            (sum + weight * residual * residual, count + usize::from(self.present[row]))
+        })
+    }
+
+    /// The whole objective at the mean: rows and prior.
+    pub fn objective(&self) -> f64 {
+        let rows = (0..self.weight.len()).map(|row| {
+            let (residual, weight) = self.residual(row);
+            weight * residual * residual
+        });
+        let prior = self.precision.iter().zip(self.map.mean()).zip(&self.prior_mean);
+        rows.sum::<f64>() + prior.map(|((p, x), m)| p * (x - m) * (x - m)).sum::<f64>()
+    }
+}
+
+fn numbers<'a>(
+    equations: &'a Equations,
+    right: &'a [f64],
+    weight: &'a [f64],
+    precision: &'a [f64],
+    mean: &'a [f64],
+) -> Numbers<'a> {
+    Numbers { value: &equations.rows().value, right, weight, precision, mean }
+}

@@ -1,0 +1,287 @@
+//! Maximum a posteriori estimate of a linear Gaussian model as one sparse least squares problem.
+//!
+//! Minimises `sum_r w_r (A_r x - b_r)^2 + sum_i p_i (x_i - m_i)^2` with weights `w = 1/variance`
+//! and a prior of precision `p` and mean `m`. With `Lambda = A' W A + P` the minimum is the mean
+//! `Lambda^-1 (A' W b + P m)` and `Lambda^-1` is its covariance (Latella et al. 2019, eq. 5).
+//! `Lambda` is factored sparsely ([`SparseLdl`]); the mean is then corrected twice with the
+//! residual of the rows themselves, `x += Lambda^-1 (A' W (b - A x) + P (m - x))`, which brings it
+//! to the accuracy of an orthogonal method. Where a pivot is not positive or the corrections do not
+//! settle, the rows are factored by [`TreeQr`] instead: a wrong number is never silent.
+
+use super::sparse_ldl::SparseLdl;
+use super::tree_qr::TreeQr;
+
+/// Which method gave the result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Sparse `L D L'` with corrections.
+    SparseLdl,
+    /// Orthogonal elimination along the tree, because the first method failed.
+    TreeQr,
+}
+
+/// The weights are such that neither method can solve the problem in double precision.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the information matrix is singular to working precision")]
+pub struct SingularInformation;
+
+/// A pair of entries of one row whose product changes with the posture.
+#[derive(Clone, Copy, Debug)]
+struct Product {
+    weighted: u32,
+    plain: u32,
+    slot: u32,
+}
+
+/// The pattern of the rows.
+#[derive(Clone, Copy, Debug)]
+pub struct Pattern<'a> {
+    /// Number of unknowns.
+    pub unknowns: usize,
+    /// Where each row starts in `column`; one more than there are rows.
+    pub start: &'a [usize],
+    /// Unknown of each entry.
+    pub column: &'a [u32],
+    /// Whether the value of an entry changes between solutions.
+    pub varies: &'a [bool],
+    /// Front of each unknown: fronts are eliminated in ascending order by the orthogonal method.
+    pub front: &'a [u32],
+}
+
+/// The numbers of one problem.
+#[derive(Clone, Copy, Debug)]
+pub struct Numbers<'a> {
+    /// Values of the entries.
+    pub value: &'a [f64],
+    /// Right sides `b`; anything finite where the weight is zero.
+    pub right: &'a [f64],
+    /// Weights; zero leaves a row out.
+    pub weight: &'a [f64],
+    /// Precision of the prior, positive.
+    pub precision: &'a [f64],
+    /// Mean of the prior.
+    pub mean: &'a [f64],
+}
+
+/// Solver for problems of one pattern. Allocates at construction only.
+#[derive(Clone, Debug)]
+pub struct Map {
+    start: Vec<usize>,
+    column: Vec<u32>,
+    products: Vec<Product>,
+    /// Slot in `L` of every pair of constant entries, row by row.
+    constant_pairs: Vec<Product>,
+    constant_rows: Vec<u32>,
+    /// Weights and precisions for which `constant` was summed.
+    last_weight: Vec<f64>,
+    last_precision: Vec<f64>,
+    constant: Vec<f64>,
+    weighted: Vec<f64>,
+    ldl: SparseLdl,
+    qr: TreeQr,
+    /// Right side and solution in the order of elimination.
+    work: Vec<f64>,
+    gradient: Vec<f64>,
+    x: Vec<f64>,
+    variance: Vec<f64>,
+}
+
+/// Corrections after the first solution.
+const CORRECTIONS: usize = 2;
+/// Largest last correction, relative to the solution, that counts as settled.
+const SETTLED: f64 = 1e-7;
+
+impl Map {
+    /// Prepares for a pattern.
+    pub fn new(pattern: &Pattern) -> Self {
+        let rows = pattern.start.len() - 1;
+        let mut pairs = vec![];
+        for r in 0..rows {
+            let entries = &pattern.column[pattern.start[r]..pattern.start[r + 1]];
+            for (k, &i) in entries.iter().enumerate() {
+                pairs.extend(entries[k + 1..].iter().map(|&j| (i, j)));
+            }
+        }
+        let ldl = SparseLdl::new(pattern.unknowns, &pairs);
+        let (mut products, mut constant_pairs, mut constant_rows) = (vec![], vec![], vec![]);
+        for r in 0..rows {
+            for a in pattern.start[r]..pattern.start[r + 1] {
+                for b in a..pattern.start[r + 1] {
+                    let (i, j) = (pattern.column[a] as usize, pattern.column[b] as usize);
+                    let Some(slot) = ldl.slot(i, j) else { continue };
+                    let product = Product { weighted: a as u32, plain: b as u32, slot: slot as u32 };
+                    if pattern.varies[a] || pattern.varies[b] {
+                        products.push(product);
+                    } else {
+                        constant_pairs.push(product);
+                        constant_rows.push(r as u32);
+                    }
+                }
+            }
+        }
+        let n = pattern.unknowns;
+        Self {
+            start: pattern.start.to_vec(),
+            column: pattern.column.to_vec(),
+            products,
+            constant_pairs,
+            constant_rows,
+            last_weight: vec![f64::NAN; rows],
+            last_precision: vec![f64::NAN; n],
+            constant: vec![0.0; ldl.nonzeros()],
+            weighted: vec![0.0; pattern.column.len()],
+            qr: TreeQr::new(pattern),
+            work: vec![0.0; n],
+            gradient: vec![0.0; n],
+            x: vec![0.0; n],
+            variance: vec![0.0; n],
+            ldl,
+        }
+    }
+
+    /// Solves one problem; also for the variances of all unknowns if `variances`.
+    pub fn solve(&mut self, numbers: &Numbers, variances: bool) -> Result<Method, SingularInformation> {
+        self.assemble(numbers);
+        if self.ldl.factor().is_ok() && self.mean_by_ldl(numbers) && (!variances || self.variances_by_ldl()) {
+            return Ok(Method::SparseLdl);
+        }
+        self.solve_by_qr(numbers, variances)?;
+        Ok(Method::TreeQr)
+    }
+
+    /// Solves by the orthogonal method alone.
+    pub fn solve_by_qr(&mut self, numbers: &Numbers, variances: bool) -> Result<(), SingularInformation> {
+        self.qr.factor(numbers).map_err(|_| SingularInformation)?;
+        self.qr.mean(&mut self.x);
+        if variances {
+            self.qr.variances(&mut self.variance);
+        }
+        let finite = self.x.iter().all(|x| x.is_finite())
+            && (!variances || self.variance.iter().all(|v| v.is_finite() && *v > 0.0));
+        if finite { Ok(()) } else { Err(SingularInformation) }
+    }
+
+    /// The mean of the last solution.
+    pub fn mean(&self) -> &[f64] {
+        &self.x
+    }
+
+    /// The variances of the last solution that was asked for them.
+    pub fn variance(&self) -> &[f64] {
+        &self.variance
+    }
+
+    /// The factor, for its size.
+    pub fn ldl(&self) -> &SparseLdl {
+        &self.ldl
+    }
+
+    /// Bytes held, the second method's included.
+    pub fn bytes(&self) -> usize {
+        let entries = self.column.len();
+        self.ldl.bytes()
+            + self.qr.bytes()
+            + 12 * (self.products.len() + self.constant_pairs.len())
+            + 4 * self.constant_rows.len()
+            + 20 * entries
+            + 8 * (2 * self.start.len() + self.constant.len() + 5 * self.x.len())
+    }
+
+    /// Writes `Lambda` into the factor's place.
+    fn assemble(&mut self, numbers: &Numbers) {
+        if self.last_weight != numbers.weight || self.last_precision != numbers.precision {
+            self.sum_constants(numbers);
+        }
+        for r in 0..self.start.len() - 1 {
+            let w = numbers.weight[r];
+            let entries = self.start[r]..self.start[r + 1];
+            for (weighted, value) in self.weighted[entries.clone()].iter_mut().zip(&numbers.value[entries]) {
+                *weighted = w * value;
+            }
+        }
+        let n = self.x.len();
+        let (diagonal, lower) = self.ldl.values_mut();
+        diagonal.copy_from_slice(&self.constant[..n]);
+        lower.copy_from_slice(&self.constant[n..]);
+        for product in &self.products {
+            let value = self.weighted[product.weighted as usize] * numbers.value[product.plain as usize];
+            let slot = product.slot as usize;
+            if slot < n {
+                diagonal[slot] += value;
+            } else {
+                lower[slot - n] += value;
+            }
+        }
+    }
+
+    /// What does not change with the posture is summed again only when a weight changed.
+    fn sum_constants(&mut self, numbers: &Numbers) {
+        self.last_weight.copy_from_slice(numbers.weight);
+        self.last_precision.copy_from_slice(numbers.precision);
+        self.constant.fill(0.0);
+        for (slot, &unknown) in self.constant.iter_mut().zip(self.ldl.order()) {
+            *slot = numbers.precision[unknown as usize];
+        }
+        for (product, &row) in self.constant_pairs.iter().zip(&self.constant_rows) {
+            let value = numbers.value[product.weighted as usize] * numbers.value[product.plain as usize];
+            self.constant[product.slot as usize] += numbers.weight[row as usize] * value;
+        }
+    }
+
+    /// Mean with corrections; false if they do not settle.
+    fn mean_by_ldl(&mut self, numbers: &Numbers) -> bool {
+        self.x.fill(0.0);
+        let mut settled = false;
+        for _ in 0..=CORRECTIONS {
+            self.descend(numbers);
+            for (slot, &unknown) in self.work.iter_mut().zip(self.ldl.order()) {
+                *slot = self.gradient[unknown as usize];
+            }
+            self.ldl.solve(&mut self.work);
+            let (mut largest, mut change) = (0.0_f64, 0.0_f64);
+            for (&dx, &unknown) in self.work.iter().zip(self.ldl.order()) {
+                let x = &mut self.x[unknown as usize];
+                *x += dx;
+                largest = largest.max(x.abs());
+                change = change.max(dx.abs());
+                // NaN would vanish in max
+                if !x.is_finite() {
+                    return false;
+                }
+            }
+            settled = change <= SETTLED * (1.0 + largest);
+        }
+        settled
+    }
+
+    /// The gradient `A' W (b - A x) + P (m - x)`.
+    fn descend(&mut self, numbers: &Numbers) {
+        let prior = numbers.precision.iter().zip(numbers.mean);
+        for ((g, x), (p, m)) in self.gradient.iter_mut().zip(&self.x).zip(prior) {
+            *g = p * (m - x);
+        }
+        for r in 0..self.start.len() - 1 {
+            let entries = self.start[r]..self.start[r + 1];
+            let columns = &self.column[entries.clone()];
+            let values = &numbers.value[entries];
+            let mut residual = numbers.right[r];
+            for (&c, &v) in columns.iter().zip(values) {
+                residual -= v * self.x[c as usize];
+            }
+            let s = numbers.weight[r] * residual;
+            for (&c, &v) in columns.iter().zip(values) {
+                self.gradient[c as usize] += v * s;
+            }
+        }
+    }
+
+    fn variances_by_ldl(&mut self) -> bool {
+        self.ldl.invert();
+        let mut good = true;
+        for (&v, &unknown) in self.ldl.inverse_diagonal().iter().zip(self.ldl.order()) {
+            self.variance[unknown as usize] = v;
+            good &= v > 0.0 && v < f64::INFINITY;
+        }
+        good
+    }
+}
