@@ -88,6 +88,9 @@ pub struct Map {
 
 /// Corrections after the first solution.
 const CORRECTIONS: usize = 2;
+/// Cancellation in the factor beyond which the variances, which cannot be corrected, would have less
+/// than eight digits.
+const CANCELLATION: f64 = 1e7;
 /// Largest last correction, relative to the solution, that counts as settled.
 const SETTLED: f64 = 1e-7;
 
@@ -142,7 +145,8 @@ impl Map {
     /// Solves one problem; also for the variances of all unknowns if `variances`.
     pub fn solve(&mut self, numbers: &Numbers, variances: bool) -> Result<Method, SingularInformation> {
         self.assemble(numbers);
-        if self.ldl.factor().is_ok() && self.mean_by_ldl(numbers) && (!variances || self.variances_by_ldl()) {
+        let sound = self.ldl.factor().is_ok() && self.mean_by_ldl(numbers);
+        if sound && (!variances || (self.ldl.cancellation() < CANCELLATION && self.variances_by_ldl())) {
             return Ok(Method::SparseLdl);
         }
         self.solve_by_qr(numbers, variances)?;

@@ -43,9 +43,7 @@ pub fn weights(window: usize, at: usize, derivative: usize, dt: f64) -> Vec<f64>
     };
     let scale = (half * dt).powi(derivative as i32);
     let here = abscissa(at);
-    (0..window)
-        .map(|k| basis.iter().map(|p| slope(p, here) * value(p, abscissa(k))).sum::<f64>() / scale)
-        .collect()
+    (0..window).map(|k| basis.iter().map(|p| slope(p, here) * value(p, abscissa(k))).sum::<f64>() / scale).collect()
 }
 
 /// The `derivative`-th derivative of a whole record, centred; the edges take the fit of the first

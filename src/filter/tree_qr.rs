@@ -157,8 +157,8 @@ impl TreeQr {
             for i in (0..front.eliminated).rev() {
                 let row = &self.triangle[f][i * width..(i + 1) * width];
                 let mut x = row[width - 1];
-                for j in i + 1..front.width() {
-                    x -= row[j] * self.solution[front.unknowns[j] as usize];
+                for (r, &u) in row[..width - 1].iter().zip(&front.unknowns).skip(i + 1) {
+                    x -= r * self.solution[u as usize];
                 }
                 self.solution[front.unknowns[i] as usize] = x / row[i];
             }
@@ -238,7 +238,8 @@ impl TreeQr {
                 let (outer, wide) = (&self.covariance[above], self.fronts[above].width());
                 for i in 0..s {
                     for j in 0..s {
-                        own[(e + i) * w + e + j] = outer[front.in_above[i] as usize * wide + front.in_above[j] as usize];
+                        own[(e + i) * w + e + j] =
+                            outer[front.in_above[i] as usize * wide + front.in_above[j] as usize];
                     }
                 }
             }

@@ -150,7 +150,8 @@ pub fn case_of(data: Value) -> Case {
     let sensors = sensors(&data);
     let used = used_links(&description, &sensors);
     let keep: Vec<&str> = used.iter().map(String::as_str).collect();
-    let tree = Tree::new(&description, data["base"].as_str().unwrap(), data["compact"].as_bool().unwrap(), &keep).unwrap();
+    let tree =
+        Tree::new(&description, data["base"].as_str().unwrap(), data["compact"].as_bool().unwrap(), &keep).unwrap();
     let base = match data["variant"].as_str().unwrap() {
         "fixed" => Base::Fixed(Vector3::from(array::<3>(&data["gravity"]))),
         _ => Base::Moving,

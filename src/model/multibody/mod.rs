@@ -6,6 +6,7 @@
 //! `D d + b_D = 0` and measurements `Y d + b_Y = y` in one vector `d` of accelerations, wrenches
 //! and torques. How they are solved is not known here.
 
+pub mod anthropometry;
 pub mod equations;
 pub mod error;
 pub mod prior;

@@ -234,7 +234,8 @@ fn noise(sensor: &Sensor) -> Result<([f64; 6], Option<Matrix6<f64>>), ModelError
             covariance[(i / m, i % m)] = value;
         }
         let not_spd = || ModelError::CovarianceNotSpd(sensor.name.clone());
-        if !((covariance - covariance.transpose()).amax() <= 1e-9 * covariance.amax()) {
+        let asymmetry = (covariance - covariance.transpose()).amax();
+        if !asymmetry.is_finite() || asymmetry > 1e-9 * covariance.amax() {
             return Err(not_spd());
         }
         let factor = covariance.cholesky().ok_or_else(not_spd)?.l();

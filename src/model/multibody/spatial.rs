@@ -38,9 +38,7 @@ pub fn axis_rotation(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
 
 /// Roll, pitch and yaw as URDF means them: `Rz(yaw) Ry(pitch) Rx(roll)`.
 pub fn rpy_rotation(rpy: &[f64; 3]) -> Matrix3<f64> {
-    axis_rotation(&Vector3::z(), rpy[2])
-        * axis_rotation(&Vector3::y(), rpy[1])
-        * axis_rotation(&Vector3::x(), rpy[0])
+    axis_rotation(&Vector3::z(), rpy[2]) * axis_rotation(&Vector3::y(), rpy[1]) * axis_rotation(&Vector3::x(), rpy[0])
 }
 
 /// The pose of a frame B in a frame A: `x_A = rotation x_B + origin`.
@@ -71,10 +69,7 @@ impl Pose {
 
     /// `A_H_B * B_H_C = A_H_C`.
     pub fn compose(&self, inner: &Self) -> Self {
-        Self {
-            rotation: self.rotation * inner.rotation,
-            origin: self.rotation * inner.origin + self.origin,
-        }
+        Self { rotation: self.rotation * inner.rotation, origin: self.rotation * inner.origin + self.origin }
     }
 
     /// `[[R, skew(p) R], [0, R]]`: takes motions from B to A.

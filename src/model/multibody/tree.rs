@@ -190,7 +190,8 @@ impl Tree {
                 }
                 used[e] = true;
                 let far = if forward { group[edge.child] } else { group[edge.parent] };
-                let step = make_step(&description.joints[edge.joint], dof_of_joint[edge.joint], &pose_in_group, edge, forward);
+                let step =
+                    make_step(&description.joints[edge.joint], dof_of_joint[edge.joint], &pose_in_group, edge, forward);
                 bodies.push(new_body(description, &group, &pose_in_group, far, Some(next), vec![step]));
                 order.push(far);
             }
