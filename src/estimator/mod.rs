@@ -4,11 +4,11 @@
 //! is one plain [`State`](Estimator::State), so that a host can copy, compare, store and restore it;
 //! restoring a state and repeating the inputs repeats the bytes.
 
+pub mod human_dynamics;
 pub mod nursing_robot;
 pub mod wheel_loader;
 pub mod wheelchair;
 pub mod wheeled_robot;
-pub mod human_dynamics;
 
 use crate::{ParameterError, Status, Variables};
 use serde::{Serialize, de::DeserializeOwned};
