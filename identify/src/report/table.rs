@@ -1,0 +1,233 @@
+//! The result as a table for the terminal.
+
+use super::{FitReport, Parameter, SignalFit};
+use std::fmt::Write;
+
+/// The table, at most about 100 columns wide, ending in a new line.
+pub fn table(report: &FitReport) -> String {
+    let mut text = format!("{}: {}\n", report.vehicle, summary(report));
+    if !report.parameters.is_empty() {
+        text.push('\n');
+        parameters(report, &mut text);
+    }
+    text.push('\n');
+    quality(report, &mut text);
+    for warning in &report.warnings {
+        wrapped(&mut text, "warning: ", warning);
+    }
+    for note in &report.notes {
+        wrapped(&mut text, "note: ", note);
+    }
+    if let Some(line) = start_values(report) {
+        let _ = writeln!(text, "\nfmpy {line}");
+    }
+    text
+}
+
+/// What was fitted to what, in one line.
+pub(super) fn summary(report: &FitReport) -> String {
+    let samples: usize = report.logs.iter().map(|log| log.samples).sum();
+    format!(
+        "{} from {} ({samples} samples, {}), {}",
+        counted(report.parameters.len(), "parameter"),
+        counted(report.logs.len(), "log"),
+        counted(report.windows_used, "window"),
+        report.loss,
+    )
+}
+
+/// `--start-values name value ...` as fmpy takes it, identified parameters only.
+pub fn start_values(report: &FitReport) -> Option<String> {
+    let values: Vec<_> = report.identified().map(|(name, p)| format!("{name} {:?}", p.value)).collect();
+    (!values.is_empty()).then(|| format!("--start-values {}", values.join(" ")))
+}
+
+fn parameters(report: &FitReport, text: &mut String) {
+    let head = ["parameter", "value", "unit", "95 % interval", "t", "verdict"].map(str::to_owned);
+    let rows = report.parameters.iter().map(|(name, p)| row(name, p));
+    let rows: Vec<[String; 6]> = std::iter::once(head).chain(rows).collect();
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: [usize; 6] = std::array::from_fn(width);
+    for row in &rows {
+        let mut line = String::new();
+        for (column, cell) in row.iter().enumerate() {
+            let fill = " ".repeat(widths[column] - cell.chars().count());
+            // Numbers end at the same column, words begin at the same column.
+            let (before, after) =
+                if matches!(column, 1 | 3 | 4) { (fill, String::new()) } else { (String::new(), fill) };
+            let _ = write!(line, "{before}{cell}{after}  ");
+        }
+        let _ = writeln!(text, "{}", line.trim_end());
+    }
+}
+
+/// Name, value, unit, interval, t-ratio and verdict of a parameter.
+pub(super) fn row(name: &str, p: &Parameter) -> [String; 6] {
+    let decimals = decimals(p);
+    let interval = if p.ci95.iter().all(|end| end.is_finite()) {
+        format!("[{}, {}]", number(p.ci95[0], decimals), number(p.ci95[1], decimals))
+    } else {
+        "-".to_owned()
+    };
+    let t = p.t_ratio().abs();
+    let t = match t {
+        t if !t.is_finite() => "-".to_owned(),
+        t if t < 99.95 => format!("{t:.1}"),
+        t => format!("{t:.0}"),
+    };
+    let unit = if p.unit == "1" { "" } else { &p.unit };
+    [name.to_owned(), number(p.value, decimals), unit.to_owned(), interval, t, p.verdict.words().to_owned()]
+}
+
+fn quality(report: &FitReport, text: &mut String) {
+    if let Some(pair) = &report.correlation_worst_pair {
+        let [a, b] = &pair.parameters;
+        let _ = writeln!(text, "worst correlation  {:+.3} between {a} and {b}", pair.correlation);
+    }
+    if report.condition_number.is_finite() {
+        let _ = writeln!(text, "condition number   {}", significant(report.condition_number, 3));
+    }
+    if !report.solver_status.is_empty() {
+        let _ = writeln!(text, "solver             {}", report.solver_status);
+    }
+    if !report.validation.signals.is_empty() {
+        let share = 100.0 * report.validation.held_out;
+        let _ = writeln!(text, "\nprediction of the last {share:.0} % of the samples, not used for that fit:");
+        let width = report.validation.signals.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
+        for signal in &report.validation.signals {
+            let _ = writeln!(text, "  {:width$}  {}", signal.name, validation_words(signal));
+        }
+    }
+    if !report.warnings.is_empty() || !report.notes.is_empty() {
+        text.push('\n');
+    }
+}
+
+fn validation_words(signal: &SignalFit) -> String {
+    let percent = |value: f64| if value.is_finite() { format!("{value:.1} %") } else { "-".to_owned() };
+    let unit = if signal.unit == "1" { String::new() } else { format!(" {}", signal.unit) };
+    let (ahead, behind) = (percent(signal.fit_percent), percent(signal.fit_percent_training));
+    let rmse = significant(signal.rmse, 3);
+    format!("fit {ahead:>7} (training {behind}), rmse {rmse}{unit}, {} samples", signal.samples)
+}
+
+/// A line broken at words, continued below its first word.
+fn wrapped(text: &mut String, lead: &str, message: &str) {
+    let mut line = lead.to_owned();
+    for word in message.split_whitespace() {
+        if line.chars().count() + word.chars().count() >= 100 && line.trim() != lead.trim() && !line.trim().is_empty() {
+            let _ = writeln!(text, "{}", line.trim_end());
+            line = " ".repeat(lead.len());
+        }
+        line += word;
+        line.push(' ');
+    }
+    let _ = writeln!(text, "{}", line.trim_end());
+}
+
+/// Decimals that show two digits of the standard error, or five digits of the value without one.
+fn decimals(p: &Parameter) -> usize {
+    let (scale, digits) = if p.std_error.is_finite() && p.std_error > 0.0 { (p.std_error, 2) } else { (p.value, 5) };
+    if scale == 0.0 || !scale.is_finite() {
+        return 3;
+    }
+    (digits - 1 - scale.abs().log10().floor() as i64).clamp(0, 9) as usize
+}
+
+fn number(value: f64, decimals: usize) -> String {
+    if !value.is_finite() {
+        return "-".to_owned();
+    }
+    if value != 0.0 && (value.abs() >= 1e9 || value.abs() < 1e-7) {
+        return format!("{value:.3e}");
+    }
+    format!("{value:.decimals$}")
+}
+
+/// A number with some significant digits.
+pub(super) fn significant(value: f64, digits: i32) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return number(value, 1);
+    }
+    let exponent = value.abs().log10().floor() as i32;
+    if (-4..7).contains(&exponent) {
+        let decimals = (digits - 1 - exponent).max(0) as usize;
+        format!("{value:.decimals$}")
+    } else {
+        let decimals = (digits - 1) as usize;
+        format!("{value:.decimals$e}")
+    }
+}
+
+fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::{CorrelationPair, LogEntry, Validation, Verdict};
+
+    fn sample() -> FitReport {
+        let parameter = |value: f64, std_error: f64, unit: &str, verdict| Parameter {
+            value,
+            unit: unit.to_owned(),
+            std_error,
+            ci95: [value - 1.96 * std_error, value + 1.96 * std_error],
+            identified: verdict == Verdict::Identified,
+            at_bound: verdict == Verdict::AtBound,
+            verdict,
+            start: None,
+        };
+        FitReport {
+            vehicle: "nursing-robot".to_owned(),
+            parameters: [
+                ("human.stiffness_pitch".to_owned(), parameter(412.34, 3.7, "N.m/rad", Verdict::Identified)),
+                ("human.rest_pitch".to_owned(), parameter(1e-4, 0.02, "rad", Verdict::Weak)),
+                ("human.stiffness_roll".to_owned(), parameter(f64::NAN, f64::NAN, "N.m/rad", Verdict::NotIdentifiable)),
+            ]
+            .into(),
+            correlation_worst_pair: Some(CorrelationPair {
+                parameters: ["a".to_owned(), "b".to_owned()],
+                correlation: -0.91,
+            }),
+            condition_number: 123.4,
+            loss: "huber".to_owned(),
+            windows_used: 388,
+            validation: Validation {
+                held_out: 0.4,
+                signals: vec![SignalFit {
+                    name: "body pitch".to_owned(),
+                    unit: "rad".to_owned(),
+                    samples: 1600,
+                    rmse: 0.012345,
+                    fit_percent: 82.13,
+                    fit_percent_training: 84.0,
+                    residual_correlation: 0.02,
+                }],
+            },
+            logs: vec![LogEntry { file: "a.csv".to_owned(), sha256: String::new(), samples: 4000 }],
+            warnings: vec!["word ".repeat(40)],
+            ..FitReport::default()
+        }
+    }
+
+    #[test]
+    fn columns_line_up_and_fit_the_terminal() {
+        let text = table(&sample());
+        assert!(
+            text.lines().filter(|line| !line.starts_with("fmpy")).all(|line| line.chars().count() <= 100),
+            "{text}"
+        );
+        let places: Vec<_> = ["verdict", "identified", "weak", "not identifiable"]
+            .map(|word| text.lines().find_map(|line| line.ends_with(word).then(|| line.chars().count() - word.len())))
+            .into();
+        assert!(places.iter().all(|place| *place == places[0] && place.is_some()), "{text}");
+        assert!(text.contains("412.3  N.m/rad") && text.contains("[405.1, 419.6]"), "{text}");
+    }
+
+    #[test]
+    fn only_identified_values_become_start_values() {
+        assert_eq!(start_values(&sample()).unwrap(), "--start-values human.stiffness_pitch 412.34");
+    }
+}
