@@ -1,13 +1,15 @@
 //! `identify fit`.
 
 use super::settings::{self, Setting};
-use super::{LogArgs, Outcome, Refusal, keep_inputs, read_logs};
+use super::{LogArgs, Outcome, Refusal, keep_inputs, print, read_logs};
 use crate::output::Outputs;
+use crate::problem;
 use crate::progress::Progress;
+use crate::report::{self, FitReport};
 use crate::request::{FitRequest, Loss};
 use crate::vehicle::Vehicle;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -51,6 +53,9 @@ pub(super) struct FitArgs {
 }
 
 pub(super) fn run(args: &FitArgs) -> Result<Outcome, Refusal> {
+    if problem::problem(args.vehicle).is_none() {
+        return Err(Refusal::unavailable("fit", args.vehicle));
+    }
     for output in [&args.out, &args.ssv, &args.report].into_iter().flatten() {
         keep_inputs(Some(output), &args.logs.logs)?;
         Outputs::check(output)?;
@@ -64,6 +69,29 @@ pub(super) fn run(args: &FitArgs) -> Result<Outcome, Refusal> {
     };
     let progress = Progress::terminal();
     let logs = read_logs(args.vehicle, &args.logs, &progress)?;
-    let _ = (request, logs);
-    Err(Refusal::unavailable("fit", args.vehicle))
+    let result = problem::fit(args.vehicle, &logs, &request, &progress);
+    progress.finish();
+    deliver(&result?, args.out.as_deref(), args.ssv.as_deref(), args.report.as_deref())
+}
+
+/// Writes the result's files and prints its table.
+pub(super) fn deliver(
+    result: &FitReport,
+    json: Option<&Path>,
+    ssv: Option<&Path>,
+    html: Option<&Path>,
+) -> Result<Outcome, Refusal> {
+    let mut outputs = Outputs::new();
+    if let Some(path) = json {
+        outputs.text(path, &result.to_json()?)?;
+    }
+    if let Some(path) = ssv {
+        outputs.text(path, &report::ssv(result))?;
+    }
+    if let Some(path) = html {
+        outputs.text(path, &report::html(result)?)?;
+    }
+    outputs.commit()?;
+    print(&report::table(result));
+    Ok(if result.has_warnings() { Outcome::Warnings } else { Outcome::Done })
 }

@@ -61,7 +61,6 @@ struct LogArgs {
 
 /// How a command ended that was not refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(dead_code)]
 enum Outcome {
     Done,
     Warnings,
