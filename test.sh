@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# Everything that must hold before a change is merged: format, lints, Rust tests, the FMUs in fmpy.
+# Needs Rust (rustup) and Python 3 with venv; makes its own virtual environment in .venv.
+set -euo pipefail
+cd "$(dirname "$0")"
+
+step() { printf '\n\033[1m== %s\033[0m\n' "$*"; }
+
+step "format"
+cargo fmt --all --check
+
+step "lints"
+cargo clippy --workspace --all-targets --quiet -- -D warnings
+
+step "Rust tests"
+cargo test --workspace --quiet
+
+step "documentation"
+RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --quiet
+
+step "FMUs and commands from Python"
+tests/fmpy/run.sh
+
+step "all passed"
