@@ -4,7 +4,8 @@
 #
 #   ./demo.sh                      everything from the built-in plant
 #   ./demo.sh --seed 7             another person
-#   ./demo.sh --log ride.csv       fit your own log (CSV, Parquet or MDF4), then run the FMU over it
+#   ./demo.sh --log ride.mf4       fit your own log (CSV, Parquet or MDF4), then run the FMU over it;
+#                                  --columns MAP.toml for other names and units
 #   ./demo.sh --out DIR            where the files go (default: demo-output)
 #
 # Needs Rust (rustup) and Python 3 with venv; makes its own virtual environment in .venv.
@@ -18,7 +19,7 @@ while [ $# -gt 0 ]; do
     --columns) columns=$(realpath "${2:?--columns needs a file}"); shift 2 ;;
     --seed) seed=${2:?--seed needs a number}; shift 2 ;;
     --out) mkdir -p "${2:?--out needs a folder}"; out=$(realpath "$2"); shift 2 ;;
-    -h|--help) sed -n '2,11s/^# \{0,1\}//p' "$0"; exit 0 ;;
+    -h|--help) sed -n '2,12s/^# \{0,1\}//p' "$0"; exit 0 ;;
     *) echo "demo.sh: unknown option '$1' (see --help)" >&2; exit 2 ;;
   esac
 done
@@ -47,17 +48,18 @@ if [ -z "$log" ]; then
   fit_log=identification.csv ride=ride.csv
 else
   say "3/5 Your log: $log"
-  fit_log=$log ride=$log
+  "$target/identify" convert nursing-robot "$log" ${columns:+--columns "$columns"} --out ride.csv
+  fit_log=ride.csv ride=ride.csv
 fi
 
 say "4/5 Fitting and packing"
 # Exit code 1 means "done, with warnings": some parameters stay at their defaults.
-"$target/identify" fit nursing-robot "$fit_log" ${columns:+--columns "$columns"} \
+"$target/identify" fit nursing-robot "$fit_log" \
   --out fit.json --ssv fit.ssv --report fit.html || [ $? -eq 1 ]
 "$target/pack" NursingRobot --params fit.json --out . || [ $? -eq 1 ]
 
 say "5/5 Running NursingRobot.fmu in fmpy"
 "$here/.venv/bin/python" "$here/tests/demo/demo.py" --fmu NursingRobot.fmu --log "$ride" --fit fit.json \
-  ${columns:+--columns "$columns"} --result result.csv --plot result.png --report report.html
+  --result result.csv --plot result.png --report report.html
 say "Written to $out:"
 ls -1 "$out"

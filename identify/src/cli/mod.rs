@@ -1,5 +1,6 @@
 //! The command line: what each command takes, and its exit code.
 
+mod convert;
 mod fit;
 mod human;
 mod settings;
@@ -42,6 +43,8 @@ enum Command {
     Tune(tune::TuneArgs),
     /// Make a log with a built-in plant; its true_* columns hold the truth.
     Simulate(simulate::SimulateArgs),
+    /// Rewrite a log with the names and units of the FMU's inputs, for fmpy and other tools.
+    Convert(convert::ConvertArgs),
     /// Estimate every quantity of a body over a whole log.
     Estimate(human::EstimateArgs),
     /// Measure the time of an estimation step.
@@ -89,6 +92,7 @@ pub fn main() -> ExitCode {
         Command::Fit(args) => fit::run(&args),
         Command::Tune(args) => tune::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Convert(args) => convert::run(&args),
         Command::Estimate(args) => human::estimate(&args),
         Command::Bench(args) => human::bench(&args),
     };
