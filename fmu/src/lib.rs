@@ -13,6 +13,8 @@
 //! here works on declared [`Variables`](wheelstate::Variables) and knows no vehicle; a new estimator
 //! in [`wheelstate::estimator::visit_all`] is a new FMU. Values travel as flat `f64` in the order of
 //! their declarations.
+//!
+//! [`pack`] writes the `.fmu` archives; the binaries `pack` and `replay` are thin over this library.
 
 pub mod abi;
 mod clock;
@@ -20,5 +22,6 @@ pub mod describe;
 pub mod instance;
 pub mod machine;
 pub mod model;
+pub mod pack;
 pub mod phase;
 pub mod snapshot;

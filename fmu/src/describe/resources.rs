@@ -17,6 +17,19 @@ pub struct StartValues {
     parameters: BTreeMap<String, f64>,
 }
 
+impl StartValues {
+    /// Whether no start value differs.
+    pub fn is_empty(&self) -> bool {
+        self.parameters.is_empty()
+    }
+
+    /// The file's text.
+    pub fn to_json(&self) -> String {
+        // maps with text keys and finite numbers always have a JSON form
+        serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
+    }
+}
+
 /// The start values of `model` that differ from those of `default`.
 pub fn differences(model: &Model, default: &Model) -> StartValues {
     let pairs = model.parameters.iter().zip(&default.parameters);

@@ -127,15 +127,11 @@ impl Host {
     }
 
     pub fn vr(&self, name: &str) -> c_uint {
-        let groups: [(_, fn(usize) -> Place); 3] = [
-            (&self.model.parameters, Place::Parameter),
-            (&self.model.inputs, Place::Input),
-            (&self.model.outputs, Place::Output),
-        ];
-        let find = |(list, place): &(&Vec<wheelstate::Variable>, fn(usize) -> Place)| {
-            list.iter().position(|variable| variable.name == name).map(place)
-        };
-        groups.iter().find_map(find).unwrap_or_else(|| panic!("no variable {name}")).reference()
+        let index = |list: &[wheelstate::Variable]| list.iter().position(|variable| variable.name == name);
+        let place = index(&self.model.parameters).map(Place::Parameter);
+        let place = place.or_else(|| index(&self.model.inputs).map(Place::Input));
+        let place = place.or_else(|| index(&self.model.outputs).map(Place::Output));
+        place.unwrap_or_else(|| panic!("no variable {name}")).reference()
     }
 
     pub fn set(&self, name: &str, value: f64) -> Status {

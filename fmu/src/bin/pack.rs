@@ -1,0 +1,106 @@
+//! `pack`: writes FMUs.
+
+use clap::Parser;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use wheelstate_fmu::model::{Model, models};
+use wheelstate_fmu::pack::fit::{Fit, setting};
+use wheelstate_fmu::pack::library::Library;
+use wheelstate_fmu::pack::{self, PackError};
+
+const EXAMPLES: &str = "\
+Examples:
+  pack                                         all models into the current directory
+  pack nursing-robot --params fit.json         identified values become start values
+  pack NursingRobot --set robot.mass=1195 --out out
+  pack all --targets win64=wheelstate_fmu.dll  with a second platform
+
+Exit codes: 0 done, 1 done with warnings (a value of the fit was not taken over), 2 refused.";
+
+/// Write estimators as FMI 2.0 co-simulation FMUs.
+#[derive(Parser)]
+#[command(name = "pack", version, after_help = EXAMPLES)]
+struct Arguments {
+    /// Models, as nursing-robot or NursingRobot, or all [default: the vehicle of the fit, else all]
+    #[arg(value_name = "MODEL")]
+    models: Vec<String>,
+    /// Result of `identify fit` or `identify tune`; its identified values become start values
+    #[arg(long, value_name = "FIT.JSON")]
+    params: Option<PathBuf>,
+    /// Take over values that the data did not identify, too
+    #[arg(long, requires = "params")]
+    include_unidentified: bool,
+    /// A start value of your own; stands above those of --params (repeatable)
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    settings: Vec<String>,
+    /// Directory for the .fmu files
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    out: PathBuf,
+    /// Libraries for further platforms, as win64=FILE (repeatable)
+    #[arg(long, value_name = "PLATFORM=LIBRARY", value_parser = Library::parse, num_args = 1..)]
+    targets: Vec<Library>,
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(false) => ExitCode::SUCCESS,
+        Ok(true) => ExitCode::from(1),
+        Err(error) => {
+            eprintln!("pack: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Packs; gives whether there were warnings. Nothing is written before every model is ready.
+fn run(arguments: &Arguments) -> Result<bool, PackError> {
+    let mut libraries = vec![Library::own()?];
+    for library in &arguments.targets {
+        libraries.retain(|other| other.platform != library.platform);
+        libraries.push(library.clone());
+    }
+    let fit = arguments.params.as_deref().map(Fit::read).transpose()?;
+    let all = arguments.models.iter().any(|name| name == "all");
+    let mut selected = match &fit {
+        _ if all => models(&|_| true),
+        Some(fit) if arguments.models.is_empty() => vec![pack::model(&fit.vehicle)?],
+        None if arguments.models.is_empty() => models(&|_| true),
+        _ => arguments.models.iter().map(|name| pack::model(name)).collect::<Result<_, _>>()?,
+    };
+    if let Some(fit) = &fit
+        && all
+    {
+        pack::model(&fit.vehicle)?;
+    }
+    let mut warned = false;
+    let mut reports = Vec::new();
+    for model in &mut selected {
+        let (report, warnings) = prepare(model, arguments, fit.as_ref().filter(|fit| !all || fit.is_of(model)))?;
+        reports.push(report);
+        warned |= warnings;
+    }
+    for (model, report) in selected.iter().zip(reports) {
+        println!("{}", pack::write(model, &libraries, &arguments.out)?.display());
+        print!("{report}");
+    }
+    Ok(warned)
+}
+
+/// Sets the start values of one model.
+fn prepare(model: &mut Model, arguments: &Arguments, fit: Option<&Fit>) -> Result<(String, bool), PackError> {
+    let mut report = String::new();
+    let mut warned = false;
+    if let Some(fit) = fit {
+        let baked = fit.bake(model, arguments.include_unidentified)?;
+        for line in &baked.taken {
+            report += &format!("  {line}\n");
+        }
+        for line in &baked.warnings {
+            report += &format!("  warning: {line}\n");
+        }
+        warned = !baked.warnings.is_empty();
+    }
+    let settings = arguments.settings.iter().map(|text| setting(model, text)).collect::<Result<Vec<_>, _>>()?;
+    model.bake(&settings).map_err(PackError)?;
+    Ok((report, warned))
+}
