@@ -162,9 +162,9 @@ impl NursingRobotPlant {
         let limit = self.chassis.torque_limit;
         let stay = if self.chassis.motor_lag > 0.0 { (-STEP / self.chassis.motor_lag).exp() } else { 0.0 };
         let before = self.torque;
-        for side in 0..2 {
-            let target = wanted[side].clamp(-limit, limit);
-            self.torque[side] = target + stay * (self.torque[side] - target);
+        for (torque, wanted) in self.torque.iter_mut().zip(wanted) {
+            let target = wanted.clamp(-limit, limit);
+            *torque = target + stay * (*torque - target);
         }
         let middle = [0, 1].map(|side| 0.5 * (before[side] + self.torque[side]));
         let x = self.motion.flat();

@@ -2,6 +2,8 @@
 //!
 //! One file per vehicle, each with its list of scenarios and one function that runs one of them.
 
+pub mod nursing_robot;
+
 use crate::log::Log;
 use crate::vehicle::Vehicle;
 
@@ -44,6 +46,7 @@ pub enum SimulateError {
 /// The scenarios of a vehicle.
 pub fn scenarios(vehicle: Vehicle) -> &'static [Scenario] {
     match vehicle {
+        Vehicle::NursingRobot => nursing_robot::SCENARIOS,
         _ => &[],
     }
 }
@@ -51,6 +54,7 @@ pub fn scenarios(vehicle: Vehicle) -> &'static [Scenario] {
 /// Runs a scenario.
 pub fn simulate(vehicle: Vehicle, request: &Request) -> Result<Log, SimulateError> {
     match vehicle {
+        Vehicle::NursingRobot => nursing_robot::simulate(request),
         _ => Err(SimulateError::UnknownScenario {
             asked: request.scenario.clone(),
             known: scenarios(vehicle).iter().map(|s| s.name).collect::<Vec<_>>().join(", "),
