@@ -287,14 +287,14 @@ macro_rules! variables {
     (@count $type:ty, $unit:literal) => { 1 };
 
     (@declare $prefix:ident, $list:ident, $field:ident, $type:ty, $doc:expr) => {
-        let prefix = format!("{}{}.", $prefix, stringify!($field));
+        let prefix = format!("{}{}.", $prefix, stringify!($field).trim_start_matches("r#"));
         <$type as $crate::variable::Variables>::declare_into(&prefix, $list);
     };
     (@declare $prefix:ident, $list:ident, $field:ident, $type:ty, $doc:expr,
         $start:expr, $unit:literal, [$($low:expr, $high:expr)?], [$($flag:ident)*]) => {
         #[allow(unused_mut)]
         let mut variable = $crate::variable::Variable {
-            name: format!("{}{}", $prefix, stringify!($field)),
+            name: format!("{}{}", $prefix, stringify!($field).trim_start_matches("r#")),
             description: $doc.trim().to_owned(),
             unit: $unit,
             kind: <$type as $crate::variable::Value>::KIND,

@@ -22,7 +22,7 @@ fn means_and_variances() {
         let bound = if name.ends_with("stiff") { 1e-4 } else { 1e-8 };
         assert!(variance <= bound, "{name}: variance off by {variance:e}");
         assert_eq!(status.contains(wheelstate::Status::MISSING), name.ends_with("missing"));
-        assert!(stiff || !status.contains(wheelstate::Status::RECOVERED));
+        assert!(!status.contains(wheelstate::Status::RECOVERED));
 
         let check = &case.data["check"];
         assert_eq!(case.body.equations().variables() as u64, case.data["n_var"].as_u64().unwrap());

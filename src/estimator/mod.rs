@@ -80,4 +80,5 @@ pub fn visit_all(visitor: &mut impl Visitor) {
     visitor.visit::<wheel_loader::WheelLoader>();
     visitor.visit::<wheeled_robot::WheeledRobot>();
     visitor.visit::<wheelchair::Wheelchair>();
+    visitor.visit::<human_dynamics::HumanDynamics>();
 }

@@ -14,7 +14,8 @@ use super::tree_qr::TreeQr;
 /// Which method gave the result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Sparse `L D L'` with corrections.
+    /// Sparse `L D L'` with corrections. Where it would lose more than half of the digits of the
+    /// variances, these come from the orthogonal method.
     SparseLdl,
     /// Orthogonal elimination along the tree, because the first method failed.
     TreeQr,
@@ -34,7 +35,7 @@ struct Product {
 }
 
 /// The pattern of the rows.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Pattern<'a> {
     /// Number of unknowns.
     pub unknowns: usize,
@@ -44,6 +45,8 @@ pub struct Pattern<'a> {
     pub column: &'a [u32],
     /// Whether the value of an entry changes between solutions.
     pub varies: &'a [bool],
+    /// Rows whose leverage will be asked for.
+    pub monitored: std::ops::Range<usize>,
     /// Front of each unknown: fronts are eliminated in ascending order by the orthogonal method.
     pub front: &'a [u32],
 }
@@ -79,6 +82,12 @@ pub struct Map {
     weighted: Vec<f64>,
     ldl: SparseLdl,
     qr: TreeQr,
+    /// Slots of the pairs of entries of the monitored rows, row by row.
+    monitored: std::ops::Range<usize>,
+    pair_start: Vec<usize>,
+    pair_slot: Vec<u32>,
+    /// Whether the selected inverse belongs to the last solution.
+    inverse_known: bool,
     /// Right side and solution in the order of elimination.
     work: Vec<f64>,
     gradient: Vec<f64>,
@@ -122,8 +131,21 @@ impl Map {
                 }
             }
         }
+        let (mut pair_start, mut pair_slot) = (vec![0], vec![]);
+        for r in pattern.monitored.clone() {
+            let entries = &pattern.column[pattern.start[r]..pattern.start[r + 1]];
+            for (k, &i) in entries.iter().enumerate() {
+                pair_slot
+                    .extend(entries[k..].iter().filter_map(|&j| ldl.slot(i as usize, j as usize)).map(|s| s as u32));
+            }
+            pair_start.push(pair_slot.len());
+        }
         let n = pattern.unknowns;
         Self {
+            monitored: pattern.monitored.clone(),
+            pair_start,
+            pair_slot,
+            inverse_known: false,
             start: pattern.start.to_vec(),
             column: pattern.column.to_vec(),
             products,
@@ -145,9 +167,22 @@ impl Map {
     /// Solves one problem; also for the variances of all unknowns if `variances`.
     pub fn solve(&mut self, numbers: &Numbers, variances: bool) -> Result<Method, SingularInformation> {
         self.assemble(numbers);
-        let sound = self.ldl.factor().is_ok() && self.mean_by_ldl(numbers);
-        if sound && (!variances || (self.ldl.cancellation() < CANCELLATION && self.variances_by_ldl())) {
-            return Ok(Method::SparseLdl);
+        self.inverse_known = false;
+        if self.ldl.factor().is_ok() && self.mean_by_ldl(numbers) {
+            if !variances {
+                return Ok(Method::SparseLdl);
+            }
+            if self.ldl.cancellation() < CANCELLATION && self.variances_by_ldl() {
+                self.inverse_known = true;
+                return Ok(Method::SparseLdl);
+            }
+            // the corrected mean is the better one, only the variances need the other method
+            if self.qr.factor(numbers).is_ok() {
+                self.qr.variances(&mut self.variance);
+                if self.variance.iter().all(|v| *v > 0.0 && v.is_finite()) {
+                    return Ok(Method::SparseLdl);
+                }
+            }
         }
         self.solve_by_qr(numbers, variances)?;
         Ok(Method::TreeQr)
@@ -155,6 +190,7 @@ impl Map {
 
     /// Solves by the orthogonal method alone.
     pub fn solve_by_qr(&mut self, numbers: &Numbers, variances: bool) -> Result<(), SingularInformation> {
+        self.inverse_known = false;
         self.qr.factor(numbers).map_err(|_| SingularInformation)?;
         self.qr.mean(&mut self.x);
         if variances {
@@ -175,6 +211,26 @@ impl Map {
         &self.variance
     }
 
+    /// `w a' Lambda^-1 a` of a monitored row after a solution with variances: the share of its own
+    /// reading in the estimate of what it measures, 1 if nothing else says anything about it. Not
+    /// known if the orthogonal method had to give the variances.
+    pub fn leverage(&self, row: usize, numbers: &Numbers) -> Option<f64> {
+        if !self.inverse_known || !self.monitored.contains(&row) {
+            return None;
+        }
+        let values = &numbers.value[self.start[row]..self.start[row + 1]];
+        let k = row - self.monitored.start;
+        let mut slots = self.pair_slot[self.pair_start[k]..self.pair_start[k + 1]].iter();
+        let mut sum = 0.0;
+        for (i, a) in values.iter().enumerate() {
+            for (j, b) in values[i..].iter().enumerate() {
+                let z = self.ldl.inverse_at(*slots.next()? as usize);
+                sum += if j == 0 { a * a * z } else { 2.0 * a * b * z };
+            }
+        }
+        Some(numbers.weight[row] * sum)
+    }
+
     /// The factor, for its size.
     pub fn ldl(&self) -> &SparseLdl {
         &self.ldl
@@ -186,7 +242,8 @@ impl Map {
         self.ldl.bytes()
             + self.qr.bytes()
             + 12 * (self.products.len() + self.constant_pairs.len())
-            + 4 * self.constant_rows.len()
+            + 4 * (self.constant_rows.len() + self.pair_slot.len())
+            + 8 * self.pair_start.len()
             + 20 * entries
             + 8 * (2 * self.start.len() + self.constant.len() + 5 * self.x.len())
     }

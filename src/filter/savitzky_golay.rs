@@ -8,7 +8,7 @@
 const ORDER: usize = 3;
 
 /// Weights of the `derivative`-th derivative (0 to 3) at sample `at` of a window of `window`
-/// samples (at least 4) with spacing `dt`; the result is `sum_k weight_k x_k`.
+/// samples (at least 4) with spacing `dt`, also beyond the window; the result is `sum_k weight_k x_k`.
 pub fn weights(window: usize, at: usize, derivative: usize, dt: f64) -> Vec<f64> {
     debug_assert!(window > ORDER && derivative <= ORDER);
     // abscissae in -1..1 and polynomials orthonormal on them keep this exact to rounding
@@ -75,13 +75,20 @@ pub struct Causal {
     window: usize,
     first: Vec<f64>,
     second: Vec<f64>,
+    /// Value of the cubic one sample after the window.
+    next: Vec<f64>,
 }
 
 impl Causal {
     /// For windows of `window >= 4` samples at spacing `dt`.
     pub fn new(window: usize, dt: f64) -> Self {
         let newest = window - 1;
-        Self { window, first: weights(window, newest, 1, dt), second: weights(window, newest, 2, dt) }
+        Self {
+            window,
+            first: weights(window, newest, 1, dt),
+            second: weights(window, newest, 2, dt),
+            next: weights(window, window, 0, dt),
+        }
     }
 
     /// Number of samples in a window.
@@ -98,6 +105,12 @@ impl Causal {
             d2 += w2 * x;
         }
         (d1, d2)
+    }
+
+    /// Where the cubic continues one sample after the newest, from the same ring.
+    pub fn continuation(&self, ring: &[f64], oldest: usize) -> f64 {
+        let samples = ring[oldest..].iter().chain(&ring[..oldest]);
+        samples.zip(&self.next).map(|(x, w)| w * x).sum()
     }
 
     /// `sum w^2` of the first and second derivative: how much each multiplies a sample's variance.

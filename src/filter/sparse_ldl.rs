@@ -242,11 +242,10 @@ impl SparseLdl {
         &self.inverse_diagonal
     }
 
-    /// An entry of the inverse inside the pattern of `L`.
-    pub fn inverse_entry(&self, i: usize, j: usize) -> Option<f64> {
-        let slot = self.slot(i, j)?;
+    /// The entry of the inverse at a slot; see [`slot`](Self::slot).
+    pub fn inverse_at(&self, slot: usize) -> f64 {
         let n = self.len();
-        Some(if slot < n { self.inverse_diagonal[slot] } else { self.inverse_lower[slot - n] })
+        if slot < n { self.inverse_diagonal[slot] } else { self.inverse_lower[slot - n] }
     }
 }
 

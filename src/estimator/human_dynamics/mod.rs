@@ -1,5 +1,292 @@
-//! Human dynamics: joint torques, contact wrenches and their variances from posture and sensors.
+//! Human dynamics: joint torques, seat wrench and centre of mass of a seated person, with variances.
 //!
-//! [`WholeBody`](whole_body::WholeBody) works on any tree.
+//! Latella et al., *Towards real-time whole-body human dynamics estimation through probabilistic
+//! sensor fusion algorithms*, Autonomous Robots 43 (2019): the equations of motion of a body of 12
+//! segments and whatever sensors there are make one least squares problem per sample, whose
+//! solution is the maximum a posteriori estimate of all accelerations, wrenches and torques. New
+//! here: a base that moves with a seat, joints with several degrees of freedom, and the variances
+//! of all estimates at every step.
+//!
+//! Model: [`model::multibody`](crate::model::multibody). Solver: [`filter::map`](crate::filter::map).
+//! [`HumanDynamics`] is the seated body with a fixed list of sensors;
+//! [`WholeBody`](whole_body::WholeBody) takes any tree and any sensors.
+//!
+//! # Frames
+//! Pelvis, thorax, head, arms: x forward, y left, z up when sitting upright with the arms hanging;
+//! thighs as the pelvis with the thigh along x; shanks with z up and the foot ahead. All joint
+//! coordinates are zero in this posture. A segment's origin is the joint towards the pelvis; the
+//! pelvis's origin is midway between the hips.
+//!
+//! # Coupling to a vehicle
+//! `-seat_wrench` at the pelvis's origin is the load on the vehicle; it holds the person's weight and
+//! inertia. `body_mass` and `com` serve estimators that model the person as a carried mass
+//! instead: one or the other, never both.
+//!
+//! # What cannot be observed
+//! Without hand and foot sensors the wrenches there are known only by their prior, and what they
+//! carry through legs and arms blurs torques and seat wrench: the standard deviations say so. Noise
+//! of the joint positions is not part of the model. Mass and height are taken as exact; a body
+//! known badly needs a larger `variance.equation.net_wrench`.
 
+mod derivatives;
+mod parameters;
+pub mod variables;
 pub mod whole_body;
+
+pub use parameters::{
+    BodyParameters, DifferentiationParameters, EquationVariances, FootMount, HandMount, ImuMount, MountParameters,
+    Parameters, SeatMount, UseParameters, VarianceParameters,
+};
+pub use variables::{Inputs, Outputs};
+
+use crate::estimator::{Estimator, StateError};
+use crate::model::multibody::anthropometry::seated12;
+use crate::model::multibody::equations::{Base, Kind};
+use crate::model::multibody::error::ModelError;
+use crate::model::multibody::tree::Tree;
+use crate::{ParameterError, Status};
+use derivatives::Derivatives;
+use serde::{Deserialize, Serialize};
+use variables::{DOF, GROUPS, JOINTS};
+use whole_body::{Posture, WholeBody};
+
+/// Everything that a step changes: the last estimates, and positions to differentiate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    outputs: Outputs,
+    started: bool,
+    derivatives: Derivatives,
+}
+
+/// The estimator; see the [module](self).
+#[derive(Clone, Debug)]
+pub struct HumanDynamics {
+    parameters: Parameters,
+    body: WholeBody,
+    /// Group of each sensor of the body, none for "nothing touches this segment".
+    groups: Vec<Option<usize>>,
+    /// Coordinate in the model of each joint outside, and where its torque is.
+    coordinate: [usize; DOF],
+    torque: [usize; DOF],
+    /// Joint positions, velocities and the sensors' samples, in the model's order.
+    q: [f64; DOF],
+    qd: [f64; DOF],
+    samples: Vec<f64>,
+    differentiator: derivatives::Differentiator,
+    mass: f64,
+    state: State,
+}
+
+/// Standard gravity, for the person's weight, m/s2.
+const GRAVITY: f64 = 9.80665;
+
+impl HumanDynamics {
+    /// The estimator of the whole body behind this one.
+    pub fn body(&self) -> &WholeBody {
+        &self.body
+    }
+
+    fn build(parameters: &Parameters) -> Result<(WholeBody, Vec<Option<usize>>), ModelError> {
+        let description = seated12(parameters.body.height, parameters.body.mass);
+        let tree = Tree::new(&description, "Pelvis", true, &[])?;
+        let (groups, sensors) = parameters.sensors(&tree).into_iter().unzip();
+        let variances = parameters.variances(&tree);
+        Ok((WholeBody::new(tree, Base::Moving, sensors, &variances)?, groups))
+    }
+
+    /// Puts the inputs of the switched-on sensors in the body's order; how many are there.
+    fn collect(&mut self, inputs: &Inputs, qdd: &[f64; DOF]) -> usize {
+        let (mut at, mut present) = (0, 0);
+        let (mut joint, mut imu) = (0, 0);
+        let (mut hand, mut foot) = (0, 2);
+        for group in &self.groups {
+            // which inputs feed the next sensor of each group, in the order in which they were added
+            let linear_and_angular;
+            let taken: &[f64] = match group {
+                None => &[0.0; 6],
+                Some(0) => {
+                    joint += 1;
+                    &qdd[joint - 1..joint]
+                }
+                Some(1) => {
+                    let (a, w) = (&inputs.base_accel, &inputs.base_angular_accel);
+                    linear_and_angular = [a[0], a[1], a[2], w[0], w[1], w[2]];
+                    &linear_and_angular
+                }
+                Some(2) => &inputs.seat,
+                Some(3) => {
+                    imu += 1;
+                    &inputs.imu[imu - 1]
+                }
+                Some(4) => {
+                    hand += 1;
+                    &inputs.contact[hand - 1]
+                }
+                Some(_) => {
+                    foot += 1;
+                    &inputs.contact[foot - 1]
+                }
+            };
+            self.samples[at..at + taken.len()].copy_from_slice(taken);
+            at += taken.len();
+            present += if group.is_some() { taken.iter().filter(|y| y.is_finite()).count() } else { 0 };
+        }
+        present
+    }
+
+    /// Reads the estimates of the step just taken.
+    fn report(&mut self, measured: bool) {
+        let outputs = &mut self.state.outputs;
+        let (mean, variance) = (self.body.mean(), self.body.variance());
+        for (joint, &slot) in self.torque.iter().enumerate() {
+            outputs.tau[joint] = mean[slot];
+            outputs.tau_std[joint] = variance[slot].sqrt();
+        }
+        if let Some(base) = self.body.equations().slots()[0] {
+            for (k, slot) in base.range(Kind::ParentWrench).enumerate() {
+                outputs.seat_wrench[k] = mean[slot];
+                outputs.seat_wrench_std[k] = variance[slot].sqrt();
+            }
+        }
+        let (com, velocity) = self.body.equations().centre_of_mass();
+        outputs.com = com.into();
+        outputs.com_velocity = velocity.into();
+        outputs.body_mass = self.mass;
+        outputs.chi2 = [0.0; GROUPS.len()];
+        for (sensor, group) in self.groups.iter().enumerate() {
+            if let Some(group) = group {
+                outputs.chi2[*group] += self.body.sensor_chi2(sensor).0;
+            }
+        }
+        let (nis, channels) = self.body.innovations(|sensor| self.groups[sensor].is_some());
+        outputs.nis = nis;
+        outputs.nis_channels = channels as i32;
+        let worst = outputs.seat_wrench_std[..3].iter().fold(0.0_f64, |worst, &std| worst.max(std));
+        let observable = worst < self.mass * GRAVITY;
+        outputs.status.raise_if(!observable, Status::UNOBSERVABLE);
+        outputs.healthy = measured && observable;
+    }
+}
+
+impl Estimator for HumanDynamics {
+    const NAME: &'static str = "HumanDynamics";
+    const DESCRIPTION: &'static str = "Joint torques, seat wrench and centre of mass of a seated person with their \
+        standard deviations, by maximum a posteriori estimation over the whole body";
+    type Parameters = Parameters;
+    type Inputs = Inputs;
+    type Outputs = Outputs;
+    type State = State;
+
+    fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
+        use crate::Variables;
+        parameters.validate()?;
+        let window = parameters.differentiation.window;
+        if window % 2 == 0 {
+            let name = "differentiation.window";
+            let reason = "is even; the window needs an odd number of samples".to_owned();
+            return Err(ParameterError { name: name.to_owned(), value: f64::from(window), unit: "1", reason });
+        }
+        // ranges exclude what the model could refuse; if it still does, the person is named
+        let refused = |error: ModelError| ParameterError {
+            name: "body.mass".to_owned(),
+            value: parameters.body.mass,
+            unit: "kg",
+            reason: format!("gives no body: {error}"),
+        };
+        let (body, groups) = Self::build(parameters).map_err(refused)?;
+        let mut coordinate = [0; DOF];
+        let mut torque = [0; DOF];
+        for (joint, (_, model_name, _)) in JOINTS.iter().enumerate() {
+            coordinate[joint] = body.equations().tree().coordinate(model_name).map_err(refused)?;
+            torque[joint] = body.torque_slot(coordinate[joint]);
+        }
+        let mass = body.equations().tree().mass();
+        let outputs = Outputs { body_mass: mass, ..Default::default() };
+        let differentiator = derivatives::Differentiator::new(window as usize, parameters.sample_period);
+        let derivatives = differentiator.empty(parameters.differentiate);
+        Ok(Self {
+            parameters: parameters.clone(),
+            samples: vec![0.0; body.samples()],
+            body,
+            groups,
+            coordinate,
+            torque,
+            q: [0.0; DOF],
+            qd: [0.0; DOF],
+            differentiator,
+            mass,
+            state: State { outputs, started: false, derivatives },
+        })
+    }
+
+    fn sample_period(&self) -> f64 {
+        self.parameters.sample_period
+    }
+
+    fn step(&mut self, inputs: &Inputs, dt: f64) -> Status {
+        if self.state.started && !(dt > 0.0 && dt.is_finite()) {
+            return Status::BAD_STEP | Status::SKIPPED;
+        }
+        let dt = if self.state.started { dt } else { self.parameters.sample_period };
+        self.state.started = true;
+        let mut status = Status::OK;
+        let (mut qd, mut qdd) = (inputs.qd, inputs.qdd);
+        let mut ready = true;
+        if self.parameters.differentiate {
+            let taken = self.differentiator.push(&mut self.state.derivatives, &inputs.q, dt, &mut qd, &mut qdd);
+            status |= taken.status;
+            ready = taken.ready;
+        }
+        let posture = [inputs.q.as_slice(), &qd, &inputs.base_gyro];
+        let values = || posture.iter().flat_map(|part| part.iter());
+        status.raise_if(values().any(|v| v.is_nan()), Status::MISSING);
+        status.raise_if(values().any(|v| v.is_infinite()), Status::INFINITE);
+        if !ready || values().any(|v| !v.is_finite()) {
+            status |= Status::SKIPPED | Status::HOLD;
+            self.state.outputs.status = status;
+            self.state.outputs.healthy = false;
+            return status;
+        }
+        let mut model_qdd = [0.0; DOF];
+        for (joint, &c) in self.coordinate.iter().enumerate() {
+            (self.q[c], self.qd[c], model_qdd[c]) = (inputs.q[joint], qd[joint], qdd[joint]);
+        }
+        let present = self.collect(inputs, &model_qdd);
+        status.raise_if(present == 0, Status::NO_MEASUREMENT);
+        let posture = Posture { q: &self.q, qd: &self.qd, base_rate: inputs.base_gyro };
+        match self.body.step(&posture, &self.samples, true) {
+            Ok(of_body) => {
+                self.state.outputs.status = status | of_body;
+                self.report(present > 0);
+            }
+            Err(_) => {
+                self.state.outputs.status = status | Status::SKIPPED | Status::HOLD;
+                self.state.outputs.healthy = false;
+            }
+        }
+        self.state.outputs.status
+    }
+
+    fn outputs(&self, _inputs: &Inputs, _ahead: f64, outputs: &mut Outputs) {
+        // nothing has dynamics here: the estimates are held
+        outputs.clone_from(&self.state.outputs);
+    }
+
+    fn state(&self) -> &State {
+        &self.state
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), StateError> {
+        use crate::Variables;
+        if !self.differentiator.fits(&state.derivatives, self.parameters.differentiate) {
+            return Err(StateError("its differentiation window differs"));
+        }
+        let mut flat = [0.0; Outputs::COUNT];
+        state.outputs.write(&mut flat);
+        if !flat.iter().all(|value| value.is_finite()) {
+            return Err(StateError("it holds values that are not finite"));
+        }
+        self.state.clone_from(state);
+        Ok(())
+    }
+}

@@ -21,6 +21,10 @@ pub enum StepError {
     SingularInformation,
 }
 
+/// Redundancy `1 - h` of a row below which only its own reading tells what it measures. The prior
+/// alone gives a row about its variance over the prior's.
+const LEAST_REDUNDANCY: f64 = 0.01;
+
 /// What moves: one sample of the posture.
 #[derive(Clone, Copy, Debug)]
 pub struct Posture<'a> {
@@ -80,6 +84,7 @@ impl WholeBody {
             start: &rows.start,
             column: &rows.column,
             varies: &rows.varies,
+            monitored: equations.constraint_rows()..rows.len(),
             front: &fronts(&equations),
         });
         Ok(Self {
@@ -201,6 +206,30 @@ impl WholeBody {
             let (residual, weight) = self.residual(row);
             (sum + weight * residual * residual, count + usize::from(self.present[row]))
         })
+    }
+
+    /// Normalised innovation squared per channel, over the rows of the sensors that `counts` picks,
+    /// after a step with variances; and the number of rows.
+    ///
+    /// The innovation of a row is its reading minus what all other information predicts. With
+    /// residual r at the estimate, weight w and leverage h it is `r / (1 - h)` with variance
+    /// `1 / (w (1 - h))`, so its normalised square is `w r^2 / (1 - h)`. Rows that nothing else
+    /// predicts (h near 1) say nothing about model and noise and do not count.
+    pub fn innovations(&self, counts: impl Fn(usize) -> bool) -> (f64, usize) {
+        let numbers = numbers(&self.equations, &self.right, &self.weight, &self.precision, &self.prior_mean);
+        let (mut sum, mut rows) = (0.0, 0);
+        for sensor in (0..self.equations.sensors().len()).filter(|&s| counts(s)) {
+            for row in self.equations.sensor_rows(sensor).filter(|&row| self.present[row]) {
+                let Some(leverage) = self.map.leverage(row, &numbers) else { continue };
+                let redundancy = 1.0 - leverage;
+                if redundancy > LEAST_REDUNDANCY {
+                    let (residual, weight) = self.residual(row);
+                    sum += weight * residual * residual / redundancy;
+                    rows += 1;
+                }
+            }
+        }
+        (if rows > 0 { sum / rows as f64 } else { 0.0 }, rows)
     }
 
     /// The whole objective at the mean: rows and prior.
