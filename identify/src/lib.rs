@@ -15,4 +15,5 @@ pub mod report;
 pub mod request;
 pub mod simulate;
 pub mod solve;
+pub mod tune;
 pub mod vehicle;

@@ -162,7 +162,7 @@ impl Machine {
             truth.yaw_acceleration = moment / self.yaw_inertia;
             let change = (next[0] - truth.accel[0]).abs() + (next[1] - truth.accel[1]).abs();
             truth.accel = next;
-            if change < 1e-13 {
+            if change < 1e-11 {
                 break;
             }
         }

@@ -3,6 +3,7 @@
 //! One file per vehicle, each with its list of scenarios and one function that runs one of them.
 
 pub mod nursing_robot;
+mod wheeled_robot;
 
 use crate::log::Log;
 use crate::vehicle::Vehicle;
@@ -47,6 +48,7 @@ pub enum SimulateError {
 pub fn scenarios(vehicle: Vehicle) -> &'static [Scenario] {
     match vehicle {
         Vehicle::NursingRobot => nursing_robot::SCENARIOS,
+        Vehicle::WheeledRobot => wheeled_robot::SCENARIOS,
         _ => &[],
     }
 }
@@ -55,6 +57,7 @@ pub fn scenarios(vehicle: Vehicle) -> &'static [Scenario] {
 pub fn simulate(vehicle: Vehicle, request: &Request) -> Result<Log, SimulateError> {
     match vehicle {
         Vehicle::NursingRobot => nursing_robot::simulate(request),
+        Vehicle::WheeledRobot => wheeled_robot::simulate(request),
         _ => Err(SimulateError::UnknownScenario {
             asked: request.scenario.clone(),
             known: scenarios(vehicle).iter().map(|s| s.name).collect::<Vec<_>>().join(", "),

@@ -1,0 +1,4 @@
+//! Tuning.
+pub mod dung_beetle;
+pub mod replay;
+pub mod rng;
