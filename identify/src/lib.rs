@@ -7,6 +7,7 @@
 
 pub mod assess;
 pub mod cli;
+mod guard;
 pub mod log;
 pub mod output;
 pub mod problem;

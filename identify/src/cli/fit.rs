@@ -53,9 +53,6 @@ pub(super) struct FitArgs {
 }
 
 pub(super) fn run(args: &FitArgs) -> Result<Outcome, Refusal> {
-    if problem::problem(args.vehicle).is_none() {
-        return Err(Refusal::unavailable("fit", args.vehicle));
-    }
     for output in [&args.out, &args.ssv, &args.report].into_iter().flatten() {
         keep_inputs(Some(output), &args.logs.logs)?;
         Outputs::check(output)?;
@@ -69,6 +66,9 @@ pub(super) fn run(args: &FitArgs) -> Result<Outcome, Refusal> {
     };
     let progress = Progress::terminal();
     let logs = read_logs(args.vehicle, &args.logs, &progress)?;
+    if problem::problem(args.vehicle).is_none() {
+        return Err(Refusal::unavailable("fit", args.vehicle));
+    }
     let result = problem::fit(args.vehicle, &logs, &request, &progress);
     progress.finish();
     deliver(&result?, args.out.as_deref(), args.ssv.as_deref(), args.report.as_deref())

@@ -24,20 +24,21 @@ pub(super) fn read(path: &Path, map: Option<&ColumnMap>, progress: &Progress) ->
     }
     let what = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     progress.start(format!("reading {what}"), meta.len());
-    let table = parse(&name, Hashing { from: file, hash: Sha256::new() }, map, progress);
+    let table = parse(&name, file, map, progress);
     progress.finish();
     table
 }
 
 /// The parser itself, over any bytes.
-fn parse(file: &str, from: Hashing<impl Read>, map: Option<&ColumnMap>, to: &Progress) -> Result<Table, LogError> {
+pub(super) fn parse(file: &str, from: impl Read, map: Option<&ColumnMap>, to: &Progress) -> Result<Table, LogError> {
+    let from = Lines { from, hash: Sha256::new(), ended: true };
     let mut reader = ReaderBuilder::new().has_headers(false).flexible(true).trim(Trim::All).from_reader(from);
     let mut record = ByteRecord::new();
     let fail = |e: ::csv::Error| LogError::file(file, e.to_string());
     if !reader.read_byte_record(&mut record).map_err(fail)? {
         return Err(LogError::file(file, "the file is empty"));
     }
-    let mut columns = header(file, &record)?;
+    let mut columns = header(file, &record, reader.position().line().saturating_sub(1))?;
     if map.is_none() {
         // Better said before the first number fails to parse.
         time_column(file, &columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>())?;
@@ -45,7 +46,8 @@ fn parse(file: &str, from: Hashing<impl Read>, map: Option<&ColumnMap>, to: &Pro
     let mut lines = Vec::new();
     let mut seen = 0;
     while reader.read_byte_record(&mut record).map_err(fail)? {
-        let line = record.position().map_or(0, |position| position.line());
+        // The reader stands behind the line feed of this record.
+        let line = reader.position().line().saturating_sub(1);
         if record.len() != columns.len() {
             let what = format!("{} cells, but the header has {} columns", record.len(), columns.len());
             return Err(LogError::line(file, line, what));
@@ -97,19 +99,20 @@ struct Column {
     text: Option<(String, String)>,
 }
 
-fn header(file: &str, record: &ByteRecord) -> Result<Vec<Column>, LogError> {
+fn header(file: &str, record: &ByteRecord, line: u64) -> Result<Vec<Column>, LogError> {
     let mut columns: Vec<Column> = Vec::with_capacity(record.len());
     for (index, cell) in record.iter().enumerate() {
         // A byte order mark belongs to the file, not to the first name.
         let cell = if index == 0 { cell.strip_prefix(b"\xef\xbb\xbf").unwrap_or(cell) } else { cell };
         let Ok(name) = std::str::from_utf8(cell) else {
-            return Err(LogError::line(file, 1, format!("the name of column {} is not UTF-8 text", index + 1)));
+            return Err(LogError::line(file, line, format!("the name of column {} is not UTF-8 text", index + 1)));
         };
-        let name = name.trim().trim_matches('"');
+        let name = name.trim();
+        let name = name.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).unwrap_or(name);
         let name = if name.is_empty() { format!("column_{}", index + 1) } else { name.to_owned() };
         if let Some(twin) = columns.iter().position(|column| column.name == name) {
             let what = format!("columns {} and {} are both named {}", twin + 1, index + 1, quoted(&name));
-            return Err(LogError::line(file, 1, what));
+            return Err(LogError::line(file, line, what));
         }
         columns.push(Column { name, values: Vec::new(), text: None });
     }
@@ -154,21 +157,43 @@ pub(super) fn write(log: &Log, to: impl Write) -> io::Result<()> {
     to.flush()
 }
 
-/// Passes bytes on and remembers their SHA-256.
-struct Hashing<R> {
+/// Passes lines on that all end in a single line feed, so that lines can be counted, and remembers
+/// the SHA-256 of the original bytes.
+struct Lines<R> {
     from: R,
     hash: Sha256,
+    /// The last byte passed on was a line feed.
+    ended: bool,
 }
 
-impl<R: Read> Read for Hashing<R> {
+impl<R: Read> Read for Lines<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let count = self.from.read(buffer)?;
-        self.hash.update(&buffer[..count]);
-        Ok(count)
+        loop {
+            let count = self.from.read(buffer)?;
+            self.hash.update(&buffer[..count]);
+            if count == 0 && !self.ended && !buffer.is_empty() {
+                buffer[0] = b'\n';
+                self.ended = true;
+                return Ok(1);
+            }
+            let mut kept = 0;
+            for index in 0..count {
+                if buffer[index] != b'\r' {
+                    buffer[kept] = buffer[index];
+                    kept += 1;
+                }
+            }
+            if kept > 0 {
+                self.ended = buffer[kept - 1] == b'\n';
+            }
+            if kept > 0 || count == 0 {
+                return Ok(kept);
+            }
+        }
     }
 }
 
-impl<R: Read> Hashing<R> {
+impl<R: Read> Lines<R> {
     fn finish(mut self) -> io::Result<String> {
         io::copy(&mut self, &mut io::sink())?;
         Ok(hexadecimal(&self.hash.finalize()))
@@ -178,8 +203,7 @@ impl<R: Read> Hashing<R> {
 /// SHA-256 of a whole file, hexadecimal.
 #[cfg(any(feature = "parquet", feature = "mf4"))]
 pub(super) fn sha256(path: &Path) -> io::Result<String> {
-    let hashing = Hashing { from: File::open(path)?, hash: Sha256::new() };
-    hashing.finish()
+    Lines { from: File::open(path)?, hash: Sha256::new(), ended: true }.finish()
 }
 
 fn hexadecimal(bytes: &[u8]) -> String {

@@ -117,6 +117,11 @@ impl Log {
         table.into_log(map)
     }
 
+    /// Reads a log in CSV from any bytes; `name` is named in errors.
+    pub fn from_csv(name: &str, from: impl std::io::Read, map: Option<&ColumnMap>) -> Result<Self, LogError> {
+        csv::parse(name, from, map, &Progress::none())?.into_log(map)
+    }
+
     /// Writes a log whose format is told by `path`; the bytes go to `to`, full precision.
     pub fn write(&self, path: &Path, to: impl std::io::Write + std::io::Seek + Send + 'static) -> Result<(), LogError> {
         let failed = |e: &dyn std::fmt::Display| LogError::file(&path.display().to_string(), e.to_string());

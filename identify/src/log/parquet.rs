@@ -3,6 +3,7 @@
 use super::error::quoted;
 use super::table::{Place, Table};
 use super::{Log, LogError};
+use crate::guard::guarded;
 use crate::progress::Progress;
 use ::parquet::basic::{LogicalType, Repetition, TimeUnit, Type as Physical};
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
@@ -19,6 +20,11 @@ use std::sync::Arc;
 
 /// Reads a file column by column.
 pub(super) fn read(path: &Path, progress: &Progress) -> Result<Table, LogError> {
+    let name = path.display().to_string();
+    guarded(|| parse(path, progress)).unwrap_or_else(|| Err(LogError::file(&name, "the file is damaged")))
+}
+
+fn parse(path: &Path, progress: &Progress) -> Result<Table, LogError> {
     let name = path.display().to_string();
     let file = File::open(path).map_err(|e| LogError::file(&name, e.to_string()))?;
     let sha256 = super::csv::sha256(path).map_err(|e| LogError::file(&name, e.to_string()))?;

@@ -48,6 +48,8 @@ pub fn signal(trace: &Trace) -> Result<String, PlotError> {
     drawn((860, 250), |area| {
         let both = trace.measured.iter().chain(&trace.predicted).copied();
         let (low, high) = range(both, 0.05);
+        // Room for the legend.
+        let high = high + 0.2 * (high - low);
         let (start, end) = (trace.time[0], trace.time[trace.time.len() - 1]);
         let mut chart = ChartBuilder::on(area)
             .margin(8)
@@ -61,7 +63,9 @@ pub fn signal(trace: &Trace) -> Result<String, PlotError> {
             .bold_line_style(GRID)
             .axis_style(GREY)
             .x_labels(10)
+            .x_label_formatter(&|x| plain(*x))
             .y_labels(6)
+            .y_label_formatter(&|y| plain(*y))
             .label_style(("sans-serif", 12, &INK))
             .x_desc("time, s")
             .y_desc(unit)
@@ -117,6 +121,7 @@ pub fn histogram(residual: &[f64], unit: &str) -> Result<String, PlotError> {
             .disable_mesh()
             .axis_style(GREY)
             .x_labels(6)
+            .x_label_formatter(&|x| plain(*x))
             .y_labels(0)
             .label_style(("sans-serif", 12, &INK))
             .x_desc(label)
@@ -199,6 +204,7 @@ pub fn intervals(report: &FitReport) -> Result<Option<String>, PlotError> {
             .bold_line_style(GRID)
             .axis_style(GREY)
             .x_labels(9)
+            .x_label_formatter(&|x| plain(*x))
             .y_labels(0)
             .label_style(("sans-serif", 12, &INK))
             .x_desc("95 % interval, % of the value")
@@ -226,6 +232,18 @@ pub fn intervals(report: &FitReport) -> Result<Option<String>, PlotError> {
         Ok(())
     })
     .map(Some)
+}
+
+/// A number at an axis: no trailing zeros, no negative zero.
+fn plain(value: f64) -> String {
+    let rounded = format!("{value:.6}").parse::<f64>().unwrap_or(value);
+    if rounded == 0.0 && value.abs() < 1e-9 {
+        "0".to_owned()
+    } else if rounded.abs() < 1e-4 {
+        format!("{value:.1e}")
+    } else {
+        rounded.to_string()
+    }
 }
 
 fn unit_words(unit: &str) -> &str {

@@ -248,7 +248,7 @@ impl Rule {
 pub fn hint(name: &str, names: &[&str]) -> String {
     let mut ranked: Vec<_> = names.iter().map(|candidate| (distance(name, candidate), *candidate)).collect();
     ranked.sort();
-    let near: Vec<_> = ranked.iter().filter(|(d, _)| *d <= 2 + name.chars().count() / 3).take(3).collect();
+    let near: Vec<_> = ranked.iter().filter(|(d, _)| *d <= 1 + name.chars().count() / 4).take(3).collect();
     match near.as_slice() {
         [] if names.is_empty() => "it has no columns".to_owned(),
         [] => {
@@ -265,7 +265,7 @@ pub fn hint(name: &str, names: &[&str]) -> String {
 /// The most similar of some names, if any is similar at all.
 pub fn nearest<'a>(name: &str, names: &[&'a str]) -> Option<&'a str> {
     let ranked = names.iter().map(|candidate| (distance(name, candidate), *candidate)).min();
-    ranked.filter(|(d, _)| *d <= 2 + name.chars().count() / 3).map(|(_, candidate)| candidate)
+    ranked.filter(|(d, _)| *d <= 1 + name.chars().count() / 4).map(|(_, candidate)| candidate)
 }
 
 /// Edits between two names, case ignored; 1 if one contains the other.

@@ -6,6 +6,7 @@ use super::columns::{ColumnMap, unit};
 use super::error::quoted;
 use super::table::{Place, Table};
 use super::{Log, LogError};
+use crate::guard::guarded;
 use crate::progress::Progress;
 use mf4_rs::api::channel::Channel as FileChannel;
 use mf4_rs::api::mdf::MDF;
@@ -13,7 +14,6 @@ use mf4_rs::blocks::common::DataType;
 use mf4_rs::error::MdfError;
 use mf4_rs::writer::MdfWriter;
 use std::io::{Seek, Write};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 /// One channel group: its times and its numeric channels.
@@ -33,8 +33,8 @@ pub(super) fn read(path: &Path, map: Option<&ColumnMap>, progress: &Progress) ->
     progress.start(format!("reading {name}"), 2);
     let mut texts = Vec::new();
     // The library indexes into the file by links that a damaged file gets wrong.
-    let parsed = catch_unwind(AssertUnwindSafe(|| groups(&name, bytes, map, &mut texts)));
-    let groups = parsed.unwrap_or_else(|_| Err(LogError::file(&name, "the file is damaged")))?;
+    let parsed = guarded(|| groups(&name, bytes, map, &mut texts));
+    let groups = parsed.unwrap_or_else(|| Err(LogError::file(&name, "the file is damaged")))?;
     progress.advance(1);
     progress.check()?;
     let columns = merge(&name, groups, map)?;
