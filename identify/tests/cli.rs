@@ -1,0 +1,203 @@
+//! The `identify` program as a user meets it: exit codes, one-line refusals, nothing half-written.
+#![allow(missing_docs)]
+
+use assert_cmd::Command;
+use std::path::Path;
+use tempfile::TempDir;
+
+fn identify(folder: &Path, arguments: &str) -> std::process::Output {
+    let mut command = Command::cargo_bin("identify").unwrap();
+    command.current_dir(folder).args(arguments.split_whitespace()).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+fn files(folder: &Path) -> Vec<String> {
+    let name = |entry: std::io::Result<std::fs::DirEntry>| entry.unwrap().file_name().into_string().unwrap();
+    let mut names: Vec<_> = std::fs::read_dir(folder).unwrap().map(name).collect();
+    names.sort();
+    names
+}
+
+/// Exit code 2, one line on stderr with these words, nothing on stdout, no file that was not there.
+#[track_caller]
+fn assert_refused(folder: &Path, arguments: &str, words: &str) {
+    let before = files(folder);
+    let output = identify(folder, arguments);
+    let line = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments}: {line}");
+    assert!(line.starts_with("identify: ") && line.contains(words), "{arguments}: {line:?} lacks {words:?}");
+    assert_eq!(line.lines().count(), 1, "{arguments}: {line}");
+    assert_eq!(text(&output.stdout), "", "{arguments}");
+    assert_eq!(files(folder), before, "{arguments} left files behind");
+}
+
+#[test]
+fn corrupt_logs_are_refused_and_leave_no_file() {
+    let folder = TempDir::new().unwrap();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).unwrap();
+    write("no_time.csv", b"t,speed\n0,1\n1,2\n");
+    write("text.csv", b"time,speed,torque_left\n0,1,1\n0.1,fast,1\n");
+    write("backwards.csv", b"time,speed\n0,1\n0.2,1\n0.1,1\n");
+    write("repeated.csv", b"time,speed\n0,1\n0,1\n");
+    write("empty.csv", b"");
+    write("header.csv", b"time,speed\n");
+    write("one.csv", b"time,speed\n0,1\n");
+    write("ragged.csv", b"time,speed\n0,1\n1\n");
+    write("twice.csv", b"time,speed,speed\n0,1,1\n1,1,1\n");
+    write("nan_time.csv", b"time,speed\n0,1\nnan,1\n");
+    write("binary.csv", &[0xff, 0xfe, 0x00, 0x01, b'\n', 0x80]);
+    write("log.txt", b"time,speed\n0,1\n1,2\n");
+    write("cut.parquet", b"PAR1");
+    write("cut.mf4", b"MDF     4.10    ");
+    for (log, words) in [
+        ("no_time.csv", "no_time.csv: no column 'time'"),
+        ("text.csv", "text.csv:3: column 'speed': 'fast' is not a number"),
+        ("backwards.csv", "backwards.csv:4: the time runs backwards"),
+        ("repeated.csv", "repeated.csv:3: the time stands still"),
+        ("empty.csv", "empty.csv: the file is empty"),
+        ("header.csv", "header.csv:1: "),
+        ("one.csv", "one.csv: only 1 sample"),
+        ("ragged.csv", "ragged.csv:3: 1 cells"),
+        ("twice.csv", "twice.csv:1: columns 2 and 3"),
+        ("nan_time.csv", "nan_time.csv:3: the time is missing"),
+        ("binary.csv", "binary.csv:1: "),
+        ("log.txt", "log.txt: unknown ending"),
+        ("cut.parquet", "cut.parquet: "),
+        ("cut.mf4", "cut.mf4: "),
+        ("none.csv", "none.csv: "),
+        (".", ".: unknown ending"),
+    ] {
+        for vehicle in ["nursing-robot", "wheeled-robot", "wheel-loader", "wheelchair"] {
+            assert_refused(
+                folder.path(),
+                &format!("fit {vehicle} {log} --out fit.json --ssv fit.ssv --report fit.html"),
+                words,
+            );
+        }
+        assert_refused(folder.path(), &format!("tune wheeled-robot {log} --out tune.json"), words);
+        assert_refused(folder.path(), &format!("convert wheelchair {log} --out x.csv"), words);
+    }
+}
+
+#[test]
+fn bad_requests_are_refused_before_any_work() {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("log.csv"), "time,speed\n0,1\n1,2\n").unwrap();
+    std::fs::write(folder.path().join("map.toml"), "speed = { column = \"speed\", unit = \"Nm\" }\n").unwrap();
+    std::fs::write(folder.path().join("start.json"), "{\"rolling.coefficient\": \"x\"}").unwrap();
+    std::fs::write(
+        folder.path().join("other.json"),
+        "{\"format_version\": 1, \"vehicle\": \"wheelchair\", \"parameters\": {}}",
+    )
+    .unwrap();
+    std::fs::write(folder.path().join("newer.json"), "{\"format_version\": 99, \"parameters\": {}}").unwrap();
+    for (arguments, words) in [
+        ("fit nursing-robot log.csv --out log.csv", "log.csv: is an input"),
+        ("fit nursing-robot log.csv --out nowhere/fit.json", "nowhere/fit.json: cannot be written"),
+        ("fit nursing-robot log.csv --out .", "cannot be written: is a directory"),
+        ("fit nursing-robot log.csv --columns none.toml", "none.toml: "),
+        ("fit nursing-robot log.csv --params none.json", "none.json: "),
+        ("fit nursing-robot log.csv --params start.json", "start.json: rolling.coefficient: "),
+        ("fit nursing-robot log.csv --params other.json", "other.json: holds parameters of wheelchair"),
+        ("fit nursing-robot log.csv --params newer.json", "newer.json: format_version 99"),
+        ("fit nursing-robot log.csv --set rolling.coefficient=low", "rolling.coefficient: 'low' is not a number"),
+        ("simulate nursing-robot --scenario none --out x.csv", "none"),
+        ("simulate nursing-robot --scenario coughs --out x.dat", "x.dat: "),
+        ("simulate nursing-robot --scenario coughs --set robot.mass=-5 --out x.csv", "robot.mass"),
+        (
+            "estimate nursing-robot log.csv --model a.urdf --sensors s.toml --out r.csv",
+            "estimate is not available for nursing-robot",
+        ),
+        ("bench nursing-robot --model a.urdf --sensors s.toml --steps 3", "bench is not available for nursing-robot"),
+    ] {
+        assert_refused(folder.path(), arguments, words);
+    }
+}
+
+#[test]
+fn wrong_usage_ends_with_2_and_help_with_0() {
+    let folder = TempDir::new().unwrap();
+    for arguments in [
+        "",
+        "fit",
+        "fit nursing-robot",
+        "fit boat log.csv",
+        "fit wheelchair log.csv --loss l3",
+        "simulate wheelchair",
+        "fit wheelchair log.csv --set mass",
+    ] {
+        let output = identify(folder.path(), arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments}");
+        assert!(!output.stderr.is_empty() && output.stdout.is_empty(), "{arguments}");
+    }
+    for command in ["fit", "tune", "simulate", "convert", "estimate", "bench"] {
+        let output = identify(folder.path(), &format!("{command} --help"));
+        let help = text(&output.stdout);
+        assert_eq!(output.status.code(), Some(0), "{command}");
+        assert!(help.contains("Examples:") && help.contains(&format!("identify {command} ")), "{help}");
+        assert!(help.lines().all(|line| line.chars().count() <= 110), "{help}");
+    }
+    let help = text(&identify(folder.path(), "--help").stdout);
+    assert!(help.contains("Exit codes:") && help.contains("Examples:"), "{help}");
+    for vehicle in ["nursing-robot", "wheeled-robot", "wheel-loader", "human-dynamics", "wheelchair"] {
+        assert!(text(&identify(folder.path(), "fit --help").stdout).contains(vehicle));
+    }
+}
+
+#[test]
+fn a_simulated_log_is_the_same_in_every_format_and_for_every_run() {
+    let folder = TempDir::new().unwrap();
+    let run = |name: &str, seed: u32| {
+        let arguments = format!("simulate nursing-robot --scenario smooth-start --seed {seed} --out {name}");
+        let output = identify(folder.path(), &arguments);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        assert!(text(&output.stdout).starts_with(name), "{}", text(&output.stdout));
+    };
+    for name in ["a.csv", "b.csv", "c.parquet", "d.mf4"] {
+        run(name, 5);
+    }
+    run("other.csv", 6);
+    let bytes = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert!(bytes("a.csv") == bytes("b.csv"), "the same seed makes the same log");
+    assert!(bytes("a.csv") != bytes("other.csv"), "another seed makes another log");
+    for name in ["c.parquet", "d.mf4"] {
+        let output = identify(folder.path(), &format!("convert nursing-robot {name} --out back.csv"));
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        assert!(bytes("a.csv") == bytes("back.csv"), "{name}");
+    }
+    let header = text(&bytes("a.csv")).lines().next().unwrap().to_owned();
+    assert!(header.starts_with("time,") && header.contains(",speed") && header.contains("true_"), "{header}");
+}
+
+#[test]
+fn scenarios_are_listed() {
+    let folder = TempDir::new().unwrap();
+    let output = identify(folder.path(), "simulate nursing-robot --list");
+    let list = text(&output.stdout);
+    for scenario in
+        ["smooth-start", "abrupt-start", "coughs", "new-patient", "load-drop", "release", "lean", "identification"]
+    {
+        assert!(list.lines().any(|line| line.starts_with(scenario)), "{list}");
+    }
+    assert_refused(folder.path(), "simulate nursing-robot --scenario sine --out x.csv", "smooth-start");
+}
+
+#[test]
+fn a_misspelt_channel_in_a_map_is_pointed_out() {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("log.csv"), "time,a,b\n0,1,1\n1,2,1\n").unwrap();
+    std::fs::write(folder.path().join("map.toml"), "torque_lef = \"a\"\nambient = \"b\"\n").unwrap();
+    let output = identify(folder.path(), "convert nursing-robot log.csv --columns map.toml --out x.csv");
+    assert_eq!(output.status.code(), Some(0));
+    let note = text(&output.stderr);
+    assert!(note.contains("torque_lef in the column map is no input of nursing-robot; torque_left is"), "{note}");
+    std::fs::write(folder.path().join("map.toml"), "speed = { column = \"a\", unit = \"Nm\" }\n").unwrap();
+    assert_refused(
+        folder.path(),
+        "fit nursing-robot log.csv --columns map.toml --out fit.json",
+        "map.toml: speed: the unit leads to N.m, but nursing-robot takes speed in m/s",
+    );
+}
