@@ -34,6 +34,7 @@
 //! logs for the result, and again on the first 60 % of each log to `validate` on the rest.
 
 pub mod known;
+pub mod nursing_robot;
 pub mod session;
 pub mod weak_form;
 

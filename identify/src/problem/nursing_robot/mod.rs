@@ -1,0 +1,2 @@
+//! The nursing robot and road vehicles.
+pub mod rows;
