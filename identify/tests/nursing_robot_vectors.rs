@@ -4,7 +4,9 @@
 mod support;
 
 use support::{assert_close, vector_table, vector_text};
+use wheelstate_identify::problem::nursing_robot::refine::{Segment, Setup, refine};
 use wheelstate_identify::problem::nursing_robot::rows::{self, Body, Drive, Signals, Windows};
+use wheelstate_identify::problem::nursing_robot::sway::Passive;
 use wheelstate_identify::problem::weak_form::Bump;
 use wheelstate_identify::solve::{Loss, Options, Regression, Rows, Unknown, solve};
 
@@ -96,5 +98,37 @@ fn weak_form_fits_match_the_reference() {
                 assert_close(&format!("{what} se{j}"), actual, expected, tolerance, 0.0);
             }
         }
+    }
+}
+
+#[test]
+fn refinement_matches_the_reference() {
+    let expected = expected();
+    let (body, mut signals) = (body(&expected), signals());
+    for channel in [&mut signals.force, &mut signals.speed, &mut signals.yaw_rate, &mut signals.pitch] {
+        channel.truncate(1500);
+    }
+    let huber = &expected["fits"]["pitch/huber"]["x"];
+    let start = Passive {
+        stiffness: huber[0].as_f64().unwrap(),
+        damping: huber[1].as_f64().unwrap(),
+        rolling: expected["fits"]["long_f/huber"]["x"][0].as_f64().unwrap(),
+        rest: huber[2].as_f64().unwrap() / huber[0].as_f64().unwrap(),
+    };
+    // The reference weighs speeds with 0.006 m/s: sensor noise and quantisation.
+    let setup = Setup { speed_std: 0.006, pitch_std: Some(0.01), loss: Loss::Huber };
+    let segment = Segment { signals: &signals, samples: 0..1500 };
+    let solution = refine(&[segment], &body, &start, &setup).unwrap();
+    let reference = &expected["refine_15s"];
+    println!("cost {:?} reference {}", solution.cost, reference["cost"]);
+    for j in 0..7 {
+        let (x, se) = (reference["x"][j].as_f64().unwrap(), reference["se"][j].as_f64().unwrap());
+        println!(
+            "{}: {} {x}, se {} {se}",
+            reference["names"][j],
+            solution.theta[j],
+            solution.covariance[(j, j)].sqrt()
+        );
+        assert_close(&reference["names"][j].to_string(), solution.theta[j], x, 1e-2, 1e-2);
     }
 }

@@ -18,6 +18,7 @@ pub fn of_regression(regression: &Regression, scales: &[f64], loss: Loss, minimi
     let mut gram = DMatrix::<f64>::zeros(n, n);
     let mut scores: BTreeMap<u32, DVector<f64>> = BTreeMap::new();
     let mut pull = DVector::<f64>::zeros(n);
+    let mut noise_energy = DMatrix::<f64>::zeros(n, n);
     let mut rows = 0;
     let mut residuals = Vec::new();
     for (group, &scale) in regression.groups.iter().zip(scales) {
@@ -40,6 +41,9 @@ pub fn of_regression(regression: &Regression, scales: &[f64], loss: Loss, minimi
             for j in 0..n {
                 let noise = &group.noise[j * (n + 1)..(j + 1) * (n + 1)];
                 pull[j] -= quadratic * (dot(&noise[..n], &minimiser.theta) - noise[n]) / (scale * scale);
+                for k in 0..n {
+                    noise_energy[(j, k)] += quadratic * noise[k] / (scale * scale);
+                }
             }
         }
         rows += group.len();
@@ -60,6 +64,14 @@ pub fn of_regression(regression: &Regression, scales: &[f64], loss: Loss, minimi
         }
     }
     let bias = (&bread * pull).as_slice().to_vec();
+    // What regressor j adds to the others is A d_j with d_j = B^-1 e_j / (B^-1)_jj; its energy is
+    // 1 / (B^-1)_jj, of which d_j' N d_j is noise.
+    let noise_share = (0..n).map(|j| match bread[(j, j)] {
+        variance if variance > 0.0 => {
+            (bread.column(j).dot(&(&noise_energy * bread.column(j))) / variance).clamp(0.0, 1.0)
+        }
+        _ => 1.0,
+    });
     Solution {
         name: regression.name.clone(),
         covariance: &bread * filling * &bread,
@@ -67,6 +79,7 @@ pub fn of_regression(regression: &Regression, scales: &[f64], loss: Loss, minimi
         condition_number: condition_of_gram(&gram),
         scales: scales.to_vec(),
         residuals,
+        noise_share: noise_share.collect(),
         bias,
         rows,
         at_bound: minimiser.at_bound,

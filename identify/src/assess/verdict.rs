@@ -12,11 +12,13 @@ pub struct Limits {
     pub absolute_error: Option<f64>,
     /// Largest correlation with another unknown of the same regression.
     pub correlation: f64,
+    /// Largest share of sensor noise in what the regressor adds to the others.
+    pub noise_share: f64,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { condition_number: 1e3, relative_error: 0.3, absolute_error: None, correlation: 0.98 }
+        Self { condition_number: 1e3, relative_error: 0.3, absolute_error: None, correlation: 0.98, noise_share: 0.5 }
     }
 }
 
@@ -31,6 +33,8 @@ pub struct Evidence {
     pub at_bound: bool,
     /// Largest absolute correlation of its coefficients with others.
     pub correlation: f64,
+    /// Largest share of noise in its regressors, see [`Solution::noise_share`](crate::solve::Solution).
+    pub noise_share: f64,
     /// Condition number of its regression.
     pub condition_number: f64,
 }
@@ -65,6 +69,12 @@ pub fn verdict(evidence: &Evidence, limits: &Limits) -> Verdict {
         reasons.push(format!(
             "condition number {:.1e} exceeds {:.0e}",
             evidence.condition_number, limits.condition_number
+        ));
+    }
+    if evidence.noise_share > limits.noise_share {
+        reasons.push(format!(
+            "the log does not excite it: {:.0} % of what its regressor shows is sensor noise",
+            100.0 * evidence.noise_share.min(1.0)
         ));
     }
     if evidence.correlation > limits.correlation {

@@ -169,12 +169,9 @@ pub enum FitError {
 /// The problem of a vehicle.
 pub fn problem(vehicle: Vehicle) -> Option<Problem> {
     match vehicle {
+        Vehicle::NursingRobot => Some(nursing_robot::PROBLEM),
         // One line per vehicle: `Vehicle::Wheelchair => Some(wheelchair::PROBLEM),`
-        Vehicle::NursingRobot
-        | Vehicle::WheeledRobot
-        | Vehicle::WheelLoader
-        | Vehicle::HumanDynamics
-        | Vehicle::Wheelchair => None,
+        Vehicle::WheeledRobot | Vehicle::WheelLoader | Vehicle::HumanDynamics | Vehicle::Wheelchair => None,
     }
 }
 

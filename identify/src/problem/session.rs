@@ -16,9 +16,10 @@ pub struct Fitted(usize);
 pub struct Judgement {
     /// Thresholds of the verdict.
     pub limits: Limits,
-    /// Standard deviation from causes outside the regression (an uncertain known parameter), added
-    /// to the standard error as the root of the sum of squares.
-    pub extra_std: f64,
+    /// Standard deviation from causes that act on every sample alike (a sensor's bias). Part of the
+    /// standard error and the interval, not of the verdict: an estimate that absorbs such a cause is
+    /// the right one for an estimator that uses the same sensors.
+    pub systematic_std: f64,
     /// Judge by this size instead of the estimate's own, for parameters that may well be zero.
     pub size: Option<f64>,
 }
@@ -185,11 +186,15 @@ impl<'a> Session<'a> {
     }
 
     fn error_of(&self, estimate: &Estimate) -> f64 {
+        self.sampling_error(estimate).hypot(estimate.judgement.systematic_std)
+    }
+
+    fn sampling_error(&self, estimate: &Estimate) -> f64 {
         let solution = &self.solutions[estimate.fit];
         let gradient = DVector::from_column_slice(&estimate.gradient);
         let variance = gradient.dot(&(&solution.covariance * &gradient)).max(0.0);
         let bias = gradient.dot(&DVector::from_column_slice(&solution.bias));
-        (variance + bias * bias + estimate.judgement.extra_std.powi(2)).sqrt()
+        (variance + bias * bias).sqrt()
     }
 
     fn evidence(&self, estimate: &Estimate, range: (f64, f64)) -> Evidence {
@@ -203,7 +208,8 @@ impl<'a> Session<'a> {
             .fold(0.0, f64::max);
         Evidence {
             value: estimate.judgement.size.unwrap_or(estimate.value),
-            std_error: self.error_of(estimate),
+            std_error: self.sampling_error(estimate),
+            noise_share: involved.iter().map(|&i| solution.noise_share[i]).fold(0.0, f64::max),
             at_bound: involved.iter().any(|&i| solution.at_bound[i])
                 || estimate.value <= range.0 + edge
                 || estimate.value >= range.1 - edge,
@@ -233,11 +239,12 @@ impl<'a> Session<'a> {
             if let Verdict::Unidentified(reasons) = &outcome {
                 report.warnings.push(format!("{} is not identified: {}", estimate.name, reasons.join("; ")));
             }
-            let half = 1.96 * evidence.std_error;
+            let std_error = self.error_of(estimate);
+            let half = 1.96 * std_error;
             let parameter = Parameter {
                 value: estimate.value,
                 unit: target.unit.clone(),
-                std_error: evidence.std_error,
+                std_error,
                 ci95: [estimate.value - half, estimate.value + half],
                 identified: outcome == Verdict::Identified,
                 at_bound: evidence.at_bound,

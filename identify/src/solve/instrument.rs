@@ -90,6 +90,7 @@ pub fn solve(regression: &Regression) -> Result<Solution, SolveError> {
             .map(|group| super::robust::deviation(&group.residuals(&theta), &group.y))
             .collect(),
         bias: vec![0.0; n],
+        noise_share: vec![0.0; n],
         cost: Vec::new(),
         accuracy: minimum.accuracy,
         covariance,

@@ -283,6 +283,9 @@ pub struct Solution {
     /// Estimated bias of each unknown by noise in the regressors; zeros where
     /// [`Rows::noise`] is not given. Not subtracted from `theta`.
     pub bias: Vec<f64>,
+    /// Share of sensor noise in what each unknown's regressor adds to the others, 0 to 1: near 1 there
+    /// is no signal to learn from. Zeros where [`Rows::noise`] is not given.
+    pub noise_share: Vec<f64>,
     /// Which unknowns sit at a bound or at an active linear inequality.
     pub at_bound: Vec<bool>,
     /// Condition number of the regressors with columns scaled to unit norm.

@@ -134,39 +134,48 @@ fn fill(rows: &mut Rows, windows: &Windows, row: impl Fn(usize) -> (Vec<f64>, f6
     }
 }
 
-/// Pitch: `[k, c, k phi_0]`, N.m.
-pub fn pitch(rows: &mut Rows, windows: &Windows, body: &Body) {
+/// One row of `[k, c, k phi_0]` and its right-hand side, N.m.s, of the window that starts at a sample.
+pub type JointRow = (Vec<f64>, f64);
+
+/// The pitch row of a window.
+pub fn pitch_row(windows: &Windows, body: &Body, at: usize) -> JointRow {
     let s = windows.signals;
     let Body { b, j, .. } = *body;
-    fill(rows, windows, |at| {
-        let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
-        let phi = |i: usize| s.pitch[i];
-        let row = vec![int(0, &phi), -int(1, &phi), -int(0, &|_| 1.0)];
-        let inertia = j * int(2, &phi) - b * int(1, &|i| s.speed[i] * phi(i).cos());
-        let coupling = b * int(0, &|i| s.speed[i] * phi(i).sin() * s.pitch_rate[i] - GRAVITY * phi(i).sin());
-        let turning = j * int(0, &|i| s.yaw_rate[i].powi(2) * phi(i).sin() * phi(i).cos());
-        (row, -(inertia + coupling - turning))
-    });
+    let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
+    let phi = |i: usize| s.pitch[i];
+    let row = vec![int(0, &phi), -int(1, &phi), -int(0, &|_| 1.0)];
+    let inertia = j * int(2, &phi) - b * int(1, &|i| s.speed[i] * phi(i).cos());
+    let coupling = b * int(0, &|i| s.speed[i] * phi(i).sin() * s.pitch_rate[i] - GRAVITY * phi(i).sin());
+    let turning = j * int(0, &|i| s.yaw_rate[i].powi(2) * phi(i).sin() * phi(i).cos());
+    (row, -(inertia + coupling - turning))
 }
 
-/// Roll: `[k, c, k phi_0]`, N.m. Without a pitch channel the body counts as upright.
-pub fn roll(rows: &mut Rows, windows: &Windows, body: &Body) {
+/// The roll row of a window. Without a pitch channel the body counts as upright.
+pub fn roll_row(windows: &Windows, body: &Body, at: usize) -> JointRow {
     let s = windows.signals;
     let Body { b, j, .. } = *body;
-    fill(rows, windows, |at| {
-        let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
-        let roll = |i: usize| s.roll[i];
-        let row = vec![int(0, &roll), -int(1, &roll), -int(0, &|_| 1.0)];
-        let inertia = j * int(2, &roll) + j * int(1, &|i| s.yaw_rate[i] * s.pitch_at(i).sin());
-        let coupling = int(0, &|i| {
-            let (w, pitch, roll) = (s.yaw_rate[i], s.pitch_at(i), roll(i));
-            j * w * s.pitch_rate[i] * pitch.cos() * (1.0 - 2.0 * roll.cos().powi(2))
-                - j * w * w * roll.sin() * roll.cos() * pitch.cos().powi(2)
-                - b * w * s.speed[i] * roll.cos()
-                - b * GRAVITY * roll.sin() * pitch.cos()
-        });
-        (row, -(inertia + coupling))
+    let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
+    let roll = |i: usize| s.roll[i];
+    let row = vec![int(0, &roll), -int(1, &roll), -int(0, &|_| 1.0)];
+    let inertia = j * int(2, &roll) + j * int(1, &|i| s.yaw_rate[i] * s.pitch_at(i).sin());
+    let coupling = int(0, &|i| {
+        let (w, pitch, roll) = (s.yaw_rate[i], s.pitch_at(i), roll(i));
+        j * w * s.pitch_rate[i] * pitch.cos() * (1.0 - 2.0 * roll.cos().powi(2))
+            - j * w * w * roll.sin() * roll.cos() * pitch.cos().powi(2)
+            - b * w * s.speed[i] * roll.cos()
+            - b * GRAVITY * roll.sin() * pitch.cos()
     });
+    (row, -(inertia + coupling))
+}
+
+/// Appends the pitch rows of all windows.
+pub fn pitch(rows: &mut Rows, windows: &Windows, body: &Body) {
+    fill(rows, windows, |at| pitch_row(windows, body, at));
+}
+
+/// Appends the roll rows of all windows.
+pub fn roll(rows: &mut Rows, windows: &Windows, body: &Body) {
+    fill(rows, windows, |at| roll_row(windows, body, at));
 }
 
 /// The integrals that the longitudinal rows are made of.
