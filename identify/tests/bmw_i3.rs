@@ -65,6 +65,7 @@ fn mass_and_rolling_resistance_of_real_trips() {
     files.retain(|path| path.extension().is_some_and(|ending| ending == "csv"));
     files.sort();
     let (mut masses, mut rolling, mut ambient, mut heavy) = (Vec::new(), Vec::new(), Vec::new(), None);
+    let mut disagreement = Vec::new();
     for path in &files {
         let log = Log::read(path, Some(&map), &Progress::none()).unwrap();
         let report = trip(&log);
@@ -84,6 +85,9 @@ fn mass_and_rolling_resistance_of_real_trips() {
             report.warnings,
         );
         assert!(mass.identified && f.identified, "{name}: {:?}", report.warnings);
+        let halves = <[Log; 2]>::from(log.split(0.5)).map(|half| trip(&half).parameters["robot.mass"].clone());
+        let spread = halves[0].std_error.hypot(halves[1].std_error);
+        disagreement.push(((halves[0].value - halves[1].value) / spread).powi(2));
         rolling.push(f.value);
         ambient.push(mean(&warmth));
         if name == "TripB33" {
@@ -101,4 +105,8 @@ fn mass_and_rolling_resistance_of_real_trips() {
     let correlation = rank_correlation(&ambient, &rolling);
     println!("median {median:.0} kg; rank correlation of f with temperature {correlation:.2}");
     assert!(correlation < -0.7);
+    // The standard errors are honest if the halves of a trip differ by about as much as they say.
+    let z = mean(&disagreement).sqrt();
+    println!("halves of a trip: rms difference {z:.2} standard errors");
+    assert!(z < 2.0);
 }

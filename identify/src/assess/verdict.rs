@@ -10,7 +10,7 @@ pub struct Limits {
     /// Largest standard error where zero is a natural value (an angle, a bias), absolute; `None`
     /// judges by the relative one.
     pub absolute_error: Option<f64>,
-    /// Largest correlation with another unknown of the same regression.
+    /// Largest correlation with another parameter of the same regression.
     pub correlation: f64,
     /// Largest share of sensor noise in what the regressor adds to the others.
     pub noise_share: f64,
@@ -31,7 +31,7 @@ pub struct Evidence {
     pub std_error: f64,
     /// Whether it, or a coefficient it is made of, sits at a bound.
     pub at_bound: bool,
-    /// Largest absolute correlation of its coefficients with others.
+    /// Largest absolute correlation with another parameter of its regression.
     pub correlation: f64,
     /// Largest share of noise in its regressors, see [`Solution::noise_share`](crate::solve::Solution).
     pub noise_share: f64,
@@ -58,6 +58,9 @@ pub fn verdict(evidence: &Evidence, limits: &Limits) -> Verdict {
     if evidence.std_error.is_nan() || evidence.std_error > allowed {
         reasons.push(match limits.absolute_error {
             Some(limit) => format!("standard error {:.3e} exceeds {limit}", evidence.std_error),
+            None if evidence.std_error >= evidence.value.abs() => {
+                format!("standard error {:.3e} exceeds the estimate {:.3e}", evidence.std_error, evidence.value)
+            }
             None => format!(
                 "standard error is {:.0} % of the estimate (limit {:.0} %)",
                 100.0 * evidence.std_error / evidence.value.abs(),
@@ -79,7 +82,7 @@ pub fn verdict(evidence: &Evidence, limits: &Limits) -> Verdict {
     }
     if evidence.correlation > limits.correlation {
         reasons.push(format!(
-            "correlation {:.3} with another unknown exceeds {}",
+            "correlation {:.3} with another parameter exceeds {}",
             evidence.correlation, limits.correlation
         ));
     }

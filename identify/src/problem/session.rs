@@ -64,7 +64,8 @@ impl<'a> Session<'a> {
         self.options.loss
     }
 
-    /// Solves a regression with the user's loss. With too few usable rows the answer is `None` and
+    /// Solves a regression with the user's loss. With too few usable rows, or rows
+    /// that cannot tell the unknowns apart, the answer is `None` and
     /// the named parameters are reported as not identifiable.
     pub fn solve(&mut self, regression: &Regression, parameters: &[&str]) -> Result<Option<Fitted>, FitError> {
         self.solve_with(regression, self.options, parameters)
@@ -79,7 +80,7 @@ impl<'a> Session<'a> {
     ) -> Result<Option<Fitted>, FitError> {
         match solve::solve(regression, &options) {
             Ok(solution) => Ok(Some(self.keep(solution))),
-            Err(error @ SolveError::TooFewRows { .. }) => {
+            Err(error @ (SolveError::TooFewRows { .. } | SolveError::Singular { .. })) => {
                 parameters.iter().for_each(|name| self.give_up(name, &error.to_string()));
                 Ok(None)
             }
@@ -201,11 +202,17 @@ impl<'a> Session<'a> {
         let solution = &self.solutions[estimate.fit];
         let involved: Vec<usize> = (0..estimate.gradient.len()).filter(|&i| estimate.gradient[i] != 0.0).collect();
         let edge = 1e-9 * estimate.value.abs().max(1e-9);
-        let correlation = involved
-            .iter()
-            .flat_map(|&i| (0..solution.theta.len()).filter(move |&j| j != i).map(move |j| (i, j)))
-            .map(|(i, j)| solution.correlation[(i, j)].abs())
-            .fold(0.0, f64::max);
+        // Among the estimates of this solution, not its raw coefficients: k and k phi_0 go together
+        // even where k and phi_0 are well known.
+        let gradient = DVector::from_column_slice(&estimate.gradient);
+        let seen = &solution.inverse_information * &gradient;
+        let others = self.estimates.iter().filter(|other| other.fit == estimate.fit && other.name != estimate.name);
+        let correlation = others.map(|other| {
+            let other = DVector::from_column_slice(&other.gradient);
+            let product = gradient.dot(&seen) * other.dot(&(&solution.inverse_information * &other));
+            if product > 0.0 { (other.dot(&seen) / product.sqrt()).abs() } else { 0.0 }
+        });
+        let correlation = correlation.fold(0.0, f64::max);
         Evidence {
             value: estimate.judgement.size.unwrap_or(estimate.value),
             std_error: self.sampling_error(estimate),

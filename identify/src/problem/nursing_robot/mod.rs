@@ -69,7 +69,10 @@ pub(super) struct Windowed {
 
 impl Windowed {
     fn windows<'a>(&'a self, bump: &'a Bump) -> Windows<'a> {
-        Windows { signals: &self.signals, bump, stride: ((bump.len() - 1) / rows::CLUSTER).max(1) }
+        let stride = ((bump.len() - 1) / rows::OVERLAP).max(1);
+        // Roads, wind and people change slowly: a long log has 40 clusters, not thousands.
+        let cluster = rows::OVERLAP.max(self.signals.len() / stride / 40);
+        Windows { signals: &self.signals, bump, stride, cluster }
     }
 
     pub(super) fn sway(&self) -> Windows<'_> {
@@ -234,6 +237,17 @@ fn output_error(
     if segments.is_empty() {
         let reason = "no 4 s of speed and torque without gaps to simulate";
         PITCH.iter().filter(|_| !tilt).for_each(|name| session.give_up(name, reason));
+        return Ok(start);
+    }
+    let moves = |segment: &Segment| {
+        let speed = &segment.signals.speed[segment.samples.clone()];
+        let mean = speed.iter().sum::<f64>() / speed.len() as f64;
+        let spread = (speed.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / speed.len() as f64).sqrt();
+        spread > 5.0 * signals::noise(speed)
+    };
+    if !tilt && !segments.iter().any(moves) {
+        let reason = "the speed hardly changes beyond its noise, so the body does not sway";
+        PITCH.iter().for_each(|name| session.retract(name, reason));
         return Ok(start);
     }
     let setup = Setup {

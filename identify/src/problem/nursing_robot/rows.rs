@@ -101,6 +101,8 @@ pub struct Windows<'a> {
     pub bump: &'a Bump,
     /// Samples from one window to the next.
     pub stride: usize,
+    /// Consecutive rows whose disturbances may be correlated: at least the windows that overlap.
+    pub cluster: usize,
 }
 
 impl Windows<'_> {
@@ -120,8 +122,8 @@ impl Windows<'_> {
     }
 }
 
-/// Neighbouring windows overlap; this many consecutive rows share a cluster.
-pub const CLUSTER: usize = 12;
+/// Windows that overlap.
+pub const OVERLAP: usize = 12;
 
 /// Appends one row per window; `first_cluster` starts a new count for each log.
 fn fill(rows: &mut Rows, windows: &Windows, row: impl Fn(usize) -> (Vec<f64>, f64)) {
@@ -129,7 +131,7 @@ fn fill(rows: &mut Rows, windows: &Windows, row: impl Fn(usize) -> (Vec<f64>, f6
     let before = rows.len();
     for start in windows.starts() {
         let (a, y) = row(start);
-        let cluster = first_cluster + ((rows.len() - before) / CLUSTER) as u32;
+        let cluster = first_cluster + ((rows.len() - before) / windows.cluster) as u32;
         rows.push(&a, y, cluster);
     }
 }

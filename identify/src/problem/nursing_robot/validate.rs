@@ -15,11 +15,11 @@ pub(super) fn validate(task: &Task) -> Vec<Prediction> {
     let mut all = Vec::new();
     for (log, source) in logs.iter_mut().zip(task.logs) {
         let measured_pitch = !log.signals.pitch.is_empty();
-        if measured_pitch && body.j > 0.0 {
+        if measured_pitch && body.j > 0.0 && !task.wanted_of(&super::PITCH).is_empty() {
             all.extend(moment("pitch moment", &source.source, log, &body, &hip, rows::pitch_row));
             all.extend(simulated_pitch(&source.source, log, &body, &hip));
         }
-        if !log.signals.roll.is_empty() && body.j > 0.0 {
+        if !log.signals.roll.is_empty() && body.j > 0.0 && !task.wanted_of(&super::ROLL).is_empty() {
             let get = |name: &str| task.known.get(name);
             let side = Passive {
                 stiffness: get(super::ROLL[0]),
@@ -61,7 +61,7 @@ fn force(source: &str, log: &Windowed, body: &Body, hip: &Passive, accelerometer
             trace.predicted.push(balance / l.one);
         }
     }
-    prediction(trace, rows::CLUSTER)
+    prediction(trace, rows::OVERLAP)
 }
 
 /// Window means of the moment that spring and damper must give, N.m.
@@ -85,7 +85,7 @@ fn moment(
             trace.predicted.push(given / one);
         }
     }
-    prediction(trace, rows::CLUSTER)
+    prediction(trace, rows::OVERLAP)
 }
 
 /// Pitch simulated open loop over pieces of 10 s from the logged force, against the measured one.
