@@ -135,7 +135,7 @@ fn extended_and_unscented_filters_agree() {
 fn stays_sound<const N: usize, const P: usize, F: Form<N, P>>(
     form: F,
     mean: SVector<f64, N>,
-    steps: &[([f64; 6], f64, f64, f64, bool, u8)],
+    steps: &[Step],
 ) -> Result<(), TestCaseError> {
     let observer = observer(form);
     let mut filter = Ekf::new(mean, SVector::repeat(1e-2));
@@ -156,6 +156,7 @@ fn stays_sound<const N: usize, const P: usize, F: Form<N, P>>(
     Ok(())
 }
 
+/// Measurement, force, moment, step, standstill, lost rows.
 type Step = ([f64; 6], f64, f64, f64, bool, u8);
 
 fn steps() -> impl Strategy<Value = Vec<Step>> {

@@ -150,7 +150,8 @@ fn the_last_valid_command_is_held() {
 #[test]
 fn bad_channels_are_left_out_and_the_others_used() {
     let rows = rows();
-    let set: [(&str, fn(&mut Inputs, f64)); 6] = [
+    type Set = fn(&mut Inputs, f64);
+    let set: [(&str, Set); 6] = [
         ("encoder_left", |i, v| i.encoder_left = v),
         ("encoder_right", |i, v| i.encoder_right = v),
         ("gyro_pitch", |i, v| i.gyro_pitch = v),

@@ -4,5 +4,5 @@
 pub mod nursing_robot;
 pub mod road;
 pub mod wheel_loader;
-pub mod wheeled_robot;
 pub mod wheelchair;
+pub mod wheeled_robot;
