@@ -8,6 +8,7 @@
 pub mod assess;
 pub mod cli;
 mod guard;
+pub mod estimate;
 pub mod log;
 pub mod output;
 pub mod problem;

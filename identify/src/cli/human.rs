@@ -1,6 +1,10 @@
 //! `identify estimate` and `identify bench`: maximum a posteriori estimation over any body tree.
 
-use super::{Outcome, Refusal};
+use super::{Outcome, Refusal, keep_inputs, print};
+use crate::estimate;
+use crate::log::Log;
+use crate::output::Outputs;
+use crate::progress::Progress;
 use crate::vehicle::Vehicle;
 use clap::Args;
 use std::path::PathBuf;
@@ -47,11 +51,33 @@ pub(super) struct BenchArgs {
 }
 
 pub(super) fn estimate(args: &EstimateArgs) -> Result<Outcome, Refusal> {
-    let _ = (&args.log, &args.model, &args.sensors, &args.out);
-    Err(Refusal::unavailable("estimate", args.vehicle))
+    known(args.vehicle, "estimate")?;
+    Outputs::check(&args.out)?;
+    let inputs = [args.log.clone(), args.model.clone(), args.sensors.clone()];
+    keep_inputs(Some(&args.out), &inputs)?;
+    let progress = Progress::terminal();
+    let mut setup = estimate::setup(&args.model, &args.sensors)?;
+    for warning in &setup.warnings {
+        eprintln!("identify: warning: {warning}");
+    }
+    let log = Log::read(&args.log, None, &progress)?;
+    let result = estimate::run(&mut setup, &log, &progress)?;
+    let mut outputs = Outputs::new();
+    outputs.file(&args.out, |file| result.write(&args.out, file))?;
+    outputs.commit()?;
+    let joints = setup.body.equations().tree().dof();
+    print(&format!("{}: {} samples, {joints} joints\n", args.out.display(), result.len()));
+    Ok(Outcome::Done)
 }
 
 pub(super) fn bench(args: &BenchArgs) -> Result<Outcome, Refusal> {
-    let _ = (&args.model, &args.sensors, args.steps);
-    Err(Refusal::unavailable("bench", args.vehicle))
+    known(args.vehicle, "bench")?;
+    let mut setup = estimate::setup(&args.model, &args.sensors)?;
+    let timing = estimate::bench::run(&mut setup, args.steps)?;
+    print(&(serde_json::to_string(&timing)? + "\n"));
+    Ok(Outcome::Done)
+}
+
+fn known(vehicle: Vehicle, command: &str) -> Result<(), Refusal> {
+    if vehicle == Vehicle::HumanDynamics { Ok(()) } else { Err(Refusal::unavailable(command, vehicle)) }
 }

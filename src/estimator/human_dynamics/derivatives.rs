@@ -70,9 +70,8 @@ impl Differentiator {
         }
         if whole || bridged {
             state.missing = if whole { 0 } else { state.missing + 1 };
-            for joint in 0..DOF {
-                let ring = &mut state.ring[joint * window..(joint + 1) * window];
-                let sample = if whole { q[joint] } else { self.fit.continuation(ring, state.next) };
+            for (ring, &position) in state.ring.chunks_exact_mut(window).zip(q) {
+                let sample = if whole { position } else { self.fit.continuation(ring, state.next) };
                 ring[state.next] = sample;
             }
             state.next = (state.next + 1) % window;
