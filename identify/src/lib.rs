@@ -7,8 +7,8 @@
 
 pub mod assess;
 pub mod cli;
-mod guard;
 pub mod estimate;
+mod guard;
 pub mod log;
 pub mod output;
 pub mod problem;
