@@ -3,6 +3,7 @@
 //! Value references: `0` is the time, `10000 + i` the parameters, `20000 + i` the inputs and
 //! `30000 + i` the outputs, `i` counting in the order of declaration from 0.
 
+use crate::describe::number;
 use crate::machine::{Machine, Typed};
 use wheelstate::estimator::{Visitor, visit_all};
 use wheelstate::variable::Kind;
@@ -187,6 +188,7 @@ pub fn check_parameter(variable: &Variable, value: f64) -> Result<(), String> {
     } else {
         "is outside the allowed range"
     };
+    let value = number(value);
     Err(format!("{name} = {value}{unit} {reason}; allowed: {}", range_text(variable)))
 }
 
@@ -200,8 +202,8 @@ pub fn range_text(variable: &Variable) -> String {
             "any whole number".to_owned()
         }
         (_, (f64::NEG_INFINITY, f64::INFINITY)) => "any finite number".to_owned(),
-        (_, (low, f64::INFINITY)) => format!("at least {low}{unit}"),
-        (_, (f64::NEG_INFINITY, high)) => format!("at most {high}{unit}"),
-        (_, (low, high)) => format!("{low}..={high}{unit}"),
+        (_, (low, f64::INFINITY)) => format!("at least {}{unit}", number(low)),
+        (_, (f64::NEG_INFINITY, high)) => format!("at most {}{unit}", number(high)),
+        (_, (low, high)) => format!("{}..={}{unit}", number(low), number(high)),
     }
 }

@@ -4,5 +4,4 @@
 pub mod nursing_robot;
 pub mod road;
 pub mod wheel_loader;
-pub mod wheelchair;
 pub mod wheeled_robot;

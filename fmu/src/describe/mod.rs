@@ -125,7 +125,8 @@ fn write_types(text: &mut String, model: &Model) {
 /// The description with what a user of this variable must know besides.
 pub fn description(variable: &Variable) -> String {
     let mut text = variable.description.clone();
-    if variable.measured {
+    // a description that speaks of it itself says more
+    if variable.measured && !text.contains("NaN") && !text.contains("missing") {
         text.push_str(" NaN: no sample at this instant.");
     }
     if variable.name == "status" {

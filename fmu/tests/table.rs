@@ -1,0 +1,124 @@
+//! Rules for the declared variables and the XML that no validator checks.
+
+mod support;
+
+use std::collections::BTreeSet;
+use support::Lag;
+use wheelstate::variable::Kind;
+use wheelstate_fmu::describe::{guid, number, units, xml};
+use wheelstate_fmu::model::{Model, Place, models};
+
+fn all() -> Vec<Model> {
+    let mut list = models(&|_| true);
+    list.push(Model::of::<Lag>());
+    list
+}
+
+#[test]
+fn every_declaration_is_complete_and_sound() {
+    for model in all() {
+        let mut names = BTreeSet::from(["time".to_owned()]);
+        let groups = [(&model.parameters, 'p'), (&model.inputs, 'i'), (&model.outputs, 'o')];
+        for (list, group) in groups {
+            assert!(list.len() < 10_000);
+            for variable in list {
+                let what = format!("{} {}", model.name, variable.name);
+                assert!(names.insert(variable.name.clone()), "{what} is declared twice");
+                let words = variable.name.split(['.', '_']);
+                let plain = |word: &str| word.bytes().all(|b| b.is_ascii_alphanumeric()) && !word.is_empty();
+                assert!(words.into_iter().all(plain) && !variable.name.as_bytes()[0].is_ascii_digit(), "{what}");
+                assert!(group == 'p' || !variable.name.contains('.'), "{what}: flat names");
+                assert!(variable.description.len() > 3 && !variable.description.contains('#'), "{what}");
+                assert!(units::parse(variable.unit).is_some(), "{what}: unit {}", variable.unit);
+                let (low, high) = variable.range;
+                assert!(low < high, "{what}");
+                let missing = group == 'i' && variable.measured && variable.start.is_nan();
+                assert!(missing || (low..=high).contains(&variable.start), "{what}: start {}", variable.start);
+                assert!(group == 'p' || !variable.tunable, "{what}: only parameters are tunable");
+                assert!(group == 'i' || !variable.measured, "{what}: only inputs are measured");
+                if let Kind::Choice(items) = variable.kind {
+                    assert_eq!(items.iter().collect::<BTreeSet<_>>().len(), items.len(), "{what}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_model_has_what_all_models_have() {
+    for model in models(&|_| true) {
+        let output = |name: &str| model.outputs.iter().find(|variable| variable.name == name);
+        assert_eq!(output("status").map(|v| v.kind), Some(Kind::Integer), "{}", model.name);
+        assert_eq!(output("healthy").map(|v| v.kind), Some(Kind::Boolean), "{}", model.name);
+        let (_, period) = model.parameter("sample_period").unwrap();
+        assert!(!period.tunable && period.unit == "s" && period.range.0 > 0.0, "{}", model.name);
+        assert!(model.outputs.iter().any(|variable| variable.name.ends_with("_std")), "{}", model.name);
+    }
+}
+
+#[test]
+fn value_references_lead_back_to_their_places() {
+    for model in all() {
+        let sizes = [model.parameters.len(), model.inputs.len(), model.outputs.len()];
+        let makers = [Place::Parameter, Place::Input, Place::Output];
+        for (size, make) in sizes.into_iter().zip(makers) {
+            for index in 0..size {
+                assert_eq!(model.place(make(index).reference()), Some(make(index)));
+            }
+            assert_eq!(model.place(make(size).reference()), None);
+        }
+        assert_eq!((model.place(0), model.place(1), model.place(u32::MAX)), (Some(Place::Time), None, None));
+    }
+    // part of the interface: masters may have stored them
+    assert_eq!(
+        (Place::Parameter(3).reference(), Place::Input(0).reference(), Place::Output(7).reference()),
+        (10_003, 20_000, 30_007)
+    );
+}
+
+#[test]
+fn the_guid_tells_interface_from_start_values() {
+    let model = Model::of::<Lag>();
+    let plain = guid::of(&model);
+    assert_eq!(plain.len(), 38);
+    let mut tuned = model.clone();
+    tuned.bake(&[(1, 0.25)]).unwrap();
+    let baked = guid::of(&tuned);
+    assert_eq!(plain[..19], baked[..19]);
+    assert_ne!(plain[19..], baked[19..]);
+    let mut changed = model.clone();
+    changed.outputs[0].description.push('!');
+    assert_ne!(guid::of(&changed)[..19], plain[..19]);
+    assert_eq!(guid::of(&changed)[19..], plain[19..]);
+    let guids: BTreeSet<_> = all().iter().map(guid::of).collect();
+    assert_eq!(guids.len(), all().len());
+}
+
+#[test]
+fn baking_is_all_or_nothing_and_only_what_the_model_accepts() {
+    let mut model = Model::of::<Lag>();
+    let before = Model::starts(&model.parameters);
+    let (time_constant, _) = model.parameter("filter.time_constant").unwrap();
+    let (gain, _) = model.parameter("filter.gain").unwrap();
+    for (values, word) in [
+        (vec![(gain, 3.0), (time_constant, f64::NAN)], "filter.time_constant"),
+        (vec![(gain, 3.0), (time_constant, 0.005)], "shorter than sample_period"),
+        (vec![(gain, 300.0)], "filter.gain"),
+    ] {
+        let error = model.bake(&values).unwrap_err();
+        assert!(error.contains(word), "{error}");
+        assert_eq!(Model::starts(&model.parameters), before);
+    }
+}
+
+#[test]
+fn the_xml_escapes_and_numbers_read_back() {
+    let text = xml(&Model::of::<Lag>());
+    assert!(text.contains("Time constant of the &quot;lag&quot; &lt;T&gt;."));
+    assert!(text.contains(r#"name="signal" valueReference="20000""#) && text.contains(r#"start="NaN""#));
+    assert!(text.contains(r#"<Enumeration declaredType="FilterFaultChoice" start="1"/>"#));
+    for value in [0.1, 1e-300, -7.0, 1.0 / 3.0, 6.02e23, 1e15, f64::MAX, f64::MIN_POSITIVE, -0.0] {
+        assert_eq!(number(value).parse::<f64>().unwrap(), value);
+    }
+    assert_eq!([f64::NAN, f64::INFINITY, f64::NEG_INFINITY].map(number), ["NaN", "INF", "-INF"]);
+}
