@@ -188,6 +188,14 @@ impl<const D: usize> Rls<D> {
         (self.sum_ee, self.sum_ey, self.sum_ed) = (0.0, 0.0, [0.0; D]);
     }
 
+    /// The quantity may have changed by a random amount with this standard deviation: adds that to the
+    /// covariance and keeps the estimate.
+    pub fn loosen(&mut self, config: &Config, std: f64) {
+        let noise = self.noise.effective_variance();
+        let added = if noise > 0.0 { std * std / noise } else { f64::INFINITY };
+        self.covariance = (self.covariance + added).min(config.covariance.1);
+    }
+
     /// Takes one sample, `dt` seconds after the one before. `disturbances` are the errors of the
     /// measurement per unit of each constant disturbance whose effect shall be followed.
     pub fn update(

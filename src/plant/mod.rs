@@ -4,4 +4,5 @@
 pub mod nursing_robot;
 pub mod road;
 pub mod wheel_loader;
+pub mod wheelchair;
 pub mod wheeled_robot;

@@ -18,6 +18,7 @@ pub fn of_regression(regression: &Regression, scales: &[f64], loss: Loss, minimi
     let mut gram = DMatrix::<f64>::zeros(n, n);
     let mut scores: BTreeMap<u32, DVector<f64>> = BTreeMap::new();
     let mut pull = DVector::<f64>::zeros(n);
+    let mut noise_energy = DMatrix::<f64>::zeros(n, n);
     let mut rows = 0;
     let mut residuals = Vec::new();
     for (group, &scale) in regression.groups.iter().zip(scales) {
@@ -40,6 +41,9 @@ pub fn of_regression(regression: &Regression, scales: &[f64], loss: Loss, minimi
             for j in 0..n {
                 let noise = &group.noise[j * (n + 1)..(j + 1) * (n + 1)];
                 pull[j] -= quadratic * (dot(&noise[..n], &minimiser.theta) - noise[n]) / (scale * scale);
+                for k in 0..n {
+                    noise_energy[(j, k)] += quadratic * noise[k] / (scale * scale);
+                }
             }
         }
         rows += group.len();
@@ -60,13 +64,24 @@ pub fn of_regression(regression: &Regression, scales: &[f64], loss: Loss, minimi
         }
     }
     let bias = (&bread * pull).as_slice().to_vec();
+    // What regressor j adds to the others is A d_j with d_j = B^-1 e_j / (B^-1)_jj; its energy is
+    // 1 / (B^-1)_jj, of which d_j' N d_j is noise.
+    let noise_share: Vec<f64> = (0..n)
+        .map(|j| match bread[(j, j)] {
+            variance if variance > 0.0 => {
+                (bread.column(j).dot(&(&noise_energy * bread.column(j))) / variance).clamp(0.0, 1.0)
+            }
+            _ => 1.0,
+        })
+        .collect();
     Solution {
         name: regression.name.clone(),
         covariance: &bread * filling * &bread,
-        correlation: correlation(&bread),
+        inverse_information: bread,
         condition_number: condition_of_gram(&gram),
         scales: scales.to_vec(),
         residuals,
+        noise_share,
         bias,
         rows,
         at_bound: minimiser.at_bound,
@@ -85,19 +100,29 @@ pub fn inverse(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| pseudo[(i, j)] / (scale[i] * scale[j]))
 }
 
-/// Correlation matrix of a covariance.
-pub fn correlation(covariance: &DMatrix<f64>) -> DMatrix<f64> {
-    let std = covariance.diagonal().map(|value| value.max(0.0).sqrt());
-    DMatrix::from_fn(covariance.nrows(), covariance.ncols(), |i, j| {
-        let product = std[i] * std[j];
-        if i == j {
-            1.0
-        } else if product > 0.0 {
-            (covariance[(i, j)] / product).clamp(-1.0, 1.0)
-        } else {
-            0.0
+/// Whether the rows and priors of a regression leave a direction of the unknowns open.
+pub fn is_singular(regression: &Regression) -> bool {
+    let n = regression.unknowns.len();
+    let mut gram = DMatrix::<f64>::zeros(n, n);
+    for group in &regression.groups {
+        // Groups of different units weigh alike.
+        let size = group.a.iter().map(|value| value * value).sum::<f64>();
+        let mut of_group = DMatrix::<f64>::zeros(n, n);
+        for i in 0..group.len() {
+            let row = nalgebra::DVectorView::from_slice(group.row(i), n);
+            of_group.ger(1.0, &row, &row, 1.0);
         }
-    })
+        if size > 0.0 {
+            gram += of_group / size;
+        }
+    }
+    let largest = gram.diagonal().max().max(f64::MIN_POSITIVE);
+    for (index, unknown) in regression.unknowns.iter().enumerate() {
+        if unknown.prior.is_some() {
+            gram[(index, index)] += largest;
+        }
+    }
+    condition_of_gram(&gram) > 1e7
 }
 
 /// Condition number of a matrix with its columns scaled to unit norm; infinite if singular.

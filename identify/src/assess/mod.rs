@@ -4,5 +4,5 @@ pub mod covariance;
 pub mod validation;
 pub mod verdict;
 
-pub use covariance::{condition_number, correlation, inverse, of_regression};
+pub use covariance::{condition_number, inverse, is_singular, of_regression};
 pub use verdict::{Evidence, Limits, Verdict, verdict};

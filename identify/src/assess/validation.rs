@@ -21,6 +21,9 @@ pub fn signal_fit(prediction: &Prediction) -> SignalFit {
     let errors: Vec<f64> = pairs.iter().map(|(measured, predicted)| measured - predicted).collect();
     let error: f64 = errors.iter().map(|e| e * e).sum();
     let spread: f64 = pairs.iter().map(|(measured, _)| (measured - mean).powi(2)).sum();
+    // A constant signal has no spread to explain.
+    let size = pairs.iter().map(|(measured, _)| measured.powi(2)).sum::<f64>();
+    let spread = if spread > 1e-20 * size { spread } else { f64::NAN };
     SignalFit {
         name: trace.name.clone(),
         unit: trace.unit.clone(),

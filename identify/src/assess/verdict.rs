@@ -10,13 +10,15 @@ pub struct Limits {
     /// Largest standard error where zero is a natural value (an angle, a bias), absolute; `None`
     /// judges by the relative one.
     pub absolute_error: Option<f64>,
-    /// Largest correlation with another unknown of the same regression.
+    /// Largest correlation with another parameter of the same regression.
     pub correlation: f64,
+    /// Largest share of sensor noise in what the regressor adds to the others.
+    pub noise_share: f64,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { condition_number: 1e3, relative_error: 0.3, absolute_error: None, correlation: 0.98 }
+        Self { condition_number: 1e3, relative_error: 0.3, absolute_error: None, correlation: 0.98, noise_share: 0.5 }
     }
 }
 
@@ -29,8 +31,10 @@ pub struct Evidence {
     pub std_error: f64,
     /// Whether it, or a coefficient it is made of, sits at a bound.
     pub at_bound: bool,
-    /// Largest absolute correlation of its coefficients with others.
+    /// Largest absolute correlation with another parameter of its regression.
     pub correlation: f64,
+    /// Largest share of noise in its regressors, see [`Solution::noise_share`](crate::solve::Solution).
+    pub noise_share: f64,
     /// Condition number of its regression.
     pub condition_number: f64,
 }
@@ -54,6 +58,9 @@ pub fn verdict(evidence: &Evidence, limits: &Limits) -> Verdict {
     if evidence.std_error.is_nan() || evidence.std_error > allowed {
         reasons.push(match limits.absolute_error {
             Some(limit) => format!("standard error {:.3e} exceeds {limit}", evidence.std_error),
+            None if evidence.std_error >= evidence.value.abs() => {
+                format!("standard error {:.3e} exceeds the estimate {:.3e}", evidence.std_error, evidence.value)
+            }
             None => format!(
                 "standard error is {:.0} % of the estimate (limit {:.0} %)",
                 100.0 * evidence.std_error / evidence.value.abs(),
@@ -67,9 +74,15 @@ pub fn verdict(evidence: &Evidence, limits: &Limits) -> Verdict {
             evidence.condition_number, limits.condition_number
         ));
     }
+    if evidence.noise_share > limits.noise_share {
+        reasons.push(format!(
+            "the log does not excite it: {:.0} % of what its regressor shows is sensor noise",
+            100.0 * evidence.noise_share.min(1.0)
+        ));
+    }
     if evidence.correlation > limits.correlation {
         reasons.push(format!(
-            "correlation {:.3} with another unknown exceeds {}",
+            "correlation {:.3} with another parameter exceeds {}",
             evidence.correlation, limits.correlation
         ));
     }

@@ -34,6 +34,7 @@
 //! logs for the result, and again on the first 60 % of each log to `validate` on the rest.
 
 pub mod known;
+pub mod nursing_robot;
 pub mod session;
 pub mod weak_form;
 
@@ -168,12 +169,9 @@ pub enum FitError {
 /// The problem of a vehicle.
 pub fn problem(vehicle: Vehicle) -> Option<Problem> {
     match vehicle {
+        Vehicle::NursingRobot => Some(nursing_robot::PROBLEM),
         // One line per vehicle: `Vehicle::Wheelchair => Some(wheelchair::PROBLEM),`
-        Vehicle::NursingRobot
-        | Vehicle::WheeledRobot
-        | Vehicle::WheelLoader
-        | Vehicle::HumanDynamics
-        | Vehicle::Wheelchair => None,
+        Vehicle::WheeledRobot | Vehicle::WheelLoader | Vehicle::HumanDynamics | Vehicle::Wheelchair => None,
     }
 }
 

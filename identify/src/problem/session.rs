@@ -16,9 +16,10 @@ pub struct Fitted(usize);
 pub struct Judgement {
     /// Thresholds of the verdict.
     pub limits: Limits,
-    /// Standard deviation from causes outside the regression (an uncertain known parameter), added
-    /// to the standard error as the root of the sum of squares.
-    pub extra_std: f64,
+    /// Standard deviation from causes that act on every sample alike (a sensor's bias). Part of the
+    /// standard error and the interval, not of the verdict: an estimate that absorbs such a cause is
+    /// the right one for an estimator that uses the same sensors.
+    pub systematic_std: f64,
     /// Judge by this size instead of the estimate's own, for parameters that may well be zero.
     pub size: Option<f64>,
 }
@@ -63,7 +64,8 @@ impl<'a> Session<'a> {
         self.options.loss
     }
 
-    /// Solves a regression with the user's loss. With too few usable rows the answer is `None` and
+    /// Solves a regression with the user's loss. With too few usable rows, or rows
+    /// that cannot tell the unknowns apart, the answer is `None` and
     /// the named parameters are reported as not identifiable.
     pub fn solve(&mut self, regression: &Regression, parameters: &[&str]) -> Result<Option<Fitted>, FitError> {
         self.solve_with(regression, self.options, parameters)
@@ -78,7 +80,7 @@ impl<'a> Session<'a> {
     ) -> Result<Option<Fitted>, FitError> {
         match solve::solve(regression, &options) {
             Ok(solution) => Ok(Some(self.keep(solution))),
-            Err(error @ SolveError::TooFewRows { .. }) => {
+            Err(error @ (SolveError::TooFewRows { .. } | SolveError::Singular { .. })) => {
                 parameters.iter().for_each(|name| self.give_up(name, &error.to_string()));
                 Ok(None)
             }
@@ -185,25 +187,36 @@ impl<'a> Session<'a> {
     }
 
     fn error_of(&self, estimate: &Estimate) -> f64 {
+        self.sampling_error(estimate).hypot(estimate.judgement.systematic_std)
+    }
+
+    fn sampling_error(&self, estimate: &Estimate) -> f64 {
         let solution = &self.solutions[estimate.fit];
         let gradient = DVector::from_column_slice(&estimate.gradient);
         let variance = gradient.dot(&(&solution.covariance * &gradient)).max(0.0);
         let bias = gradient.dot(&DVector::from_column_slice(&solution.bias));
-        (variance + bias * bias + estimate.judgement.extra_std.powi(2)).sqrt()
+        (variance + bias * bias).sqrt()
     }
 
     fn evidence(&self, estimate: &Estimate, range: (f64, f64)) -> Evidence {
         let solution = &self.solutions[estimate.fit];
         let involved: Vec<usize> = (0..estimate.gradient.len()).filter(|&i| estimate.gradient[i] != 0.0).collect();
         let edge = 1e-9 * estimate.value.abs().max(1e-9);
-        let correlation = involved
-            .iter()
-            .flat_map(|&i| (0..solution.theta.len()).filter(move |&j| j != i).map(move |j| (i, j)))
-            .map(|(i, j)| solution.correlation[(i, j)].abs())
-            .fold(0.0, f64::max);
+        // Among the estimates of this solution, not its raw coefficients: k and k phi_0 go together
+        // even where k and phi_0 are well known.
+        let gradient = DVector::from_column_slice(&estimate.gradient);
+        let seen = &solution.inverse_information * &gradient;
+        let others = self.estimates.iter().filter(|other| other.fit == estimate.fit && other.name != estimate.name);
+        let correlation = others.map(|other| {
+            let other = DVector::from_column_slice(&other.gradient);
+            let product = gradient.dot(&seen) * other.dot(&(&solution.inverse_information * &other));
+            if product > 0.0 { (other.dot(&seen) / product.sqrt()).abs() } else { 0.0 }
+        });
+        let correlation = correlation.fold(0.0, f64::max);
         Evidence {
             value: estimate.judgement.size.unwrap_or(estimate.value),
-            std_error: self.error_of(estimate),
+            std_error: self.sampling_error(estimate),
+            noise_share: involved.iter().map(|&i| solution.noise_share[i]).fold(0.0, f64::max),
             at_bound: involved.iter().any(|&i| solution.at_bound[i])
                 || estimate.value <= range.0 + edge
                 || estimate.value >= range.1 - edge,
@@ -233,11 +246,12 @@ impl<'a> Session<'a> {
             if let Verdict::Unidentified(reasons) = &outcome {
                 report.warnings.push(format!("{} is not identified: {}", estimate.name, reasons.join("; ")));
             }
-            let half = 1.96 * evidence.std_error;
+            let std_error = self.error_of(estimate);
+            let half = 1.96 * std_error;
             let parameter = Parameter {
                 value: estimate.value,
                 unit: target.unit.clone(),
-                std_error: evidence.std_error,
+                std_error,
                 ci95: [estimate.value - half, estimate.value + half],
                 identified: outcome == Verdict::Identified,
                 at_bound: evidence.at_bound,

@@ -81,7 +81,7 @@ pub fn solve(regression: &Regression) -> Result<Solution, SolveError> {
     let covariance = assess::inverse(&information);
     Ok(Solution {
         name: regression.name.clone(),
-        correlation: assess::correlation(&covariance),
+        inverse_information: covariance.clone(),
         condition_number: assess::condition_number(&whitened),
         residuals: regression.groups.iter().map(|group| group.residuals(&theta)).collect(),
         scales: regression
@@ -90,6 +90,7 @@ pub fn solve(regression: &Regression) -> Result<Solution, SolveError> {
             .map(|group| super::robust::deviation(&group.residuals(&theta), &group.y))
             .collect(),
         bias: vec![0.0; n],
+        noise_share: vec![0.0; n],
         cost: Vec::new(),
         accuracy: minimum.accuracy,
         covariance,

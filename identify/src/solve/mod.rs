@@ -255,6 +255,12 @@ pub enum SolveError {
         /// Unknowns there are.
         unknowns: usize,
     },
+    /// The rows do not determine all unknowns, whatever the noise.
+    #[error("{regression}: the log does not excite it, its regressors are zero or copies of each other")]
+    Singular {
+        /// The regression.
+        regression: String,
+    },
     /// The solver ended in another state than solved.
     #[error("{regression}: the conic solver stopped with {status}")]
     Solver {
@@ -283,12 +289,16 @@ pub struct Solution {
     /// Estimated bias of each unknown by noise in the regressors; zeros where
     /// [`Rows::noise`] is not given. Not subtracted from `theta`.
     pub bias: Vec<f64>,
+    /// Share of sensor noise in what each unknown's regressor adds to the others, 0 to 1: near 1 there
+    /// is no signal to learn from. Zeros where [`Rows::noise`] is not given.
+    pub noise_share: Vec<f64>,
     /// Which unknowns sit at a bound or at an active linear inequality.
     pub at_bound: Vec<bool>,
     /// Condition number of the regressors with columns scaled to unit norm.
     pub condition_number: f64,
-    /// Correlation of the unknowns from the information matrix.
-    pub correlation: DMatrix<f64>,
+    /// Inverse of the information matrix: the covariance if rows were independent with the given
+    /// noise levels. Its correlations tell which unknowns the rows cannot tell apart.
+    pub inverse_information: DMatrix<f64>,
     /// Noise level of each group, in its unit.
     pub scales: Vec<f64>,
     /// Residuals of each group, in its unit.
@@ -319,6 +329,9 @@ pub fn solve(regression: &Regression, options: &Options) -> Result<Solution, Sol
     let priors = regression.unknowns.iter().filter(|unknown| unknown.prior.is_some()).count();
     if rows + priors < unknowns + 1 {
         return Err(SolveError::TooFewRows { regression: regression.name.clone(), rows, unknowns });
+    }
+    if assess::is_singular(regression) {
+        return Err(SolveError::Singular { regression: regression.name.clone() });
     }
     if regression.groups.iter().any(|group| !group.instruments.is_empty()) {
         return instrument::solve(regression);

@@ -14,7 +14,7 @@
 //! up to 42 % of the load from an instantaneous force.
 
 use super::Parameters;
-use super::parameters::Law;
+use super::parameters::{Law, LoadChange};
 use crate::filter::critically_damped::{CriticallyDamped, Transition};
 use crate::filter::rls::{Config, Forgetting, Rls, Verdict};
 use crate::model::nursing_robot::{GRAVITY, Human, Robot};
@@ -69,6 +69,8 @@ pub struct MassEstimator {
     minimum_speed: f64,
     minimum_acceleration: f64,
     stop_time: f64,
+    /// If the load changes at long stops only: how much, kg.
+    change_std: Option<f64>,
     block_time: f64,
     longest_step: f64,
     uncertainty: [f64; 3],
@@ -96,10 +98,14 @@ pub struct MassState {
     stopped_for: f64,
     blocked_for: f64,
     at_bound_for: f64,
+    /// Running means of regressor times innovation and of the squared regressor.
+    pull: [f64; 2],
 }
 
 /// Time of updates at a bound after which the estimate is called implausible, s.
 const BOUND_TIME: f64 = 0.5;
+/// How far beyond the bound the forces must point, as a share of the machine's mass.
+const BOUND_MARGIN: f64 = 0.05;
 
 impl MassEstimator {
     /// From checked parameters.
@@ -107,7 +113,13 @@ impl MassEstimator {
         let m = &p.mass;
         let per_newton = 1.0 / p.robot.mass;
         let (fast, slow, low) = (m.forgetting_fast, m.forgetting_slow, m.error_low * p.robot.mass);
+        let at_stops = match m.load_change {
+            LoadChange::Auto => m.use_accelerometer,
+            LoadChange::AnyTime => false,
+            LoadChange::AtStops => true,
+        };
         let forgetting = match m.law {
+            _ if at_stops => Forgetting::Fixed(m.forgetting_steady),
             Law::Fixed => Forgetting::Fixed(m.forgetting_fixed),
             Law::Threshold => Forgetting::Threshold { fast, slow, low, high: m.error_high * p.robot.mass },
             Law::Exponential => Forgetting::Exponential { fast, slow, low, rate: m.error_rate * per_newton },
@@ -142,7 +154,8 @@ impl MassEstimator {
             cutoff: m.cutoff,
             minimum_speed: m.minimum_speed,
             minimum_acceleration: m.minimum_acceleration,
-            stop_time: m.stop_time,
+            stop_time: if at_stops { m.change_time } else { m.stop_time },
+            change_std: at_stops.then_some(m.change_std),
             block_time: m.block_time,
             longest_step: p.longest_step(),
             uncertainty: [m.rolling_uncertainty, m.force_uncertainty, m.sway_uncertainty],
@@ -167,6 +180,7 @@ impl MassEstimator {
             stopped_for: 0.0,
             blocked_for: 0.0,
             at_bound_for: 0.0,
+            pull: [0.0; 2],
         }
     }
 
@@ -205,7 +219,10 @@ impl MassEstimator {
         let moving = state.speed.value.abs() > self.minimum_speed;
         if moving {
             if state.stopped_for >= self.stop_time {
-                state.rls.reopen(&self.rls);
+                match self.change_std {
+                    Some(std) if state.rls.valid => state.rls.loosen(&self.rls, std),
+                    _ => state.rls.reopen(&self.rls),
+                }
             }
             state.stopped_for = 0.0;
         } else {
@@ -239,9 +256,20 @@ impl MassEstimator {
             state.blocked_for = self.block_time;
             return MassStatus::Rejected;
         }
-        let at_bound = state.rls.at_bound(&self.rls);
-        state.at_bound_for = if at_bound { (state.at_bound_for + dt).min(1e3) } else { 0.0 };
+        self.watch_bound(state, dt);
         if verdict == Verdict::Pooled { MassStatus::Pooling } else { MassStatus::Updated }
+    }
+
+    /// An empty machine sits at the bound zero and is no cause for alarm; forces that ask for a mass far
+    /// beyond the bound are.
+    fn watch_bound(&self, state: &mut MassState, dt: f64) {
+        let share = 1.0 - (-dt / BOUND_TIME).exp();
+        let e = state.regressor;
+        state.pull[0] += share * (e * state.rls.innovation - state.pull[0]);
+        state.pull[1] += share * (e * e - state.pull[1]);
+        let beyond = state.pull[0].abs() > BOUND_MARGIN * self.mass * state.pull[1];
+        let stuck = state.rls.at_bound(&self.rls) && beyond;
+        state.at_bound_for = if stuck { (state.at_bound_for + dt).min(1e3) } else { 0.0 };
     }
 
     fn seed(&self, state: &mut MassState) {
@@ -324,6 +352,6 @@ impl MassState {
         let numbers = [self.regressor, self.measurement, self.stopped_for, self.blocked_for, self.at_bound_for];
         self.rls.is_sound()
             && filters.iter().all(|f| f.value.is_finite() && f.rate.is_finite())
-            && numbers.iter().chain(&self.held).chain(&self.sway).all(|x| x.is_finite())
+            && numbers.iter().chain(&self.held).chain(&self.sway).chain(&self.pull).all(|x| x.is_finite())
     }
 }

@@ -15,6 +15,18 @@ choice! {
 }
 
 choice! {
+    /// Whether the load can change while the machine moves.
+    pub enum LoadChange {
+        /// `at_stops` if mass.use_accelerometer (a road vehicle), else `any_time`.
+        Auto = "auto",
+        /// Large errors make the filter forget; every stop re-opens the covariance.
+        AnyTime = "any_time",
+        /// Errors are noise; only a long stop lets the mass change.
+        AtStops = "at_stops",
+    }
+}
+
+choice! {
     /// Model of the sway filter.
     pub enum SwayModel {
         /// `sound_torque` if tilt or tilt rate is used, else `sound`.
@@ -125,6 +137,14 @@ variables! {
         error_rate: f64 = 8.0, "s2/m", [0.0, 1e4], tunable;
         /// If positive, forgetting reacts only to errors that keep their sign over this time.
         error_persistence: f64 = 0.0, "s", [0.0, 100.0], tunable;
+        /// When the load can change. A person on a robot moves about and is exchanged at any stop; people in a car get in and out at long stops only.
+        load_change: LoadChange = LoadChange::Auto, "1";
+        /// Forgetting factor per sample if the load changes at stops only.
+        forgetting_steady: f64 = 0.9998, "1", [0.5, 1.0], tunable;
+        /// If the load changes at stops only: shortest stop in which it may change.
+        change_time: f64 = 30.0, "s", [0.0, 1e5], tunable;
+        /// If the load changes at stops only: standard deviation of the change.
+        change_std: f64 = 75.0, "kg", [0.0, 1e5], tunable;
         /// Speed above which the machine counts as moving; 0.5 km/h.
         minimum_speed: f64 = 0.1388888888888889, "m/s", [0.0, 50.0], tunable;
         /// Acceleration above which a sample tells something about the mass.
@@ -295,7 +315,7 @@ variables! {
         load_mass_std: f64 = 20.0, "kg";
         /// Whether a mass has been estimated since the start.
         mass_valid: bool = false, "1";
-        /// Whether load_mass has sat at its bound for longer than 0.5 s of updates: inputs and parameters do not fit each other.
+        /// Whether load_mass has sat at its bound for longer than 0.5 s of updates whose forces ask for a mass far beyond it (5 % of robot.mass): inputs and parameters do not fit each other.
         mass_implausible: bool = false, "1";
         /// Forgetting factor of the mass filter at its last update.
         forgetting_factor: f64 = 0.998, "1";

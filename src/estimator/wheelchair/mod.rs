@@ -39,7 +39,8 @@ use crate::{ParameterError, Status};
 use nalgebra::SVector;
 use observer::{Drive, Observer, Sample, Update};
 use serde::{Deserialize, Serialize};
-use standstill::{Bands, Standstill};
+use standstill::{Bands, Signs, Standstill};
+use std::f64::consts::FRAC_PI_2;
 use wheels::Wheels;
 
 /// What the filter believes, in the form of its kind.
@@ -138,16 +139,32 @@ impl Wheelchair {
         }
     }
 
-    /// Whether the mean and the variances are numbers; without this check a single overflow would last.
-    fn is_finite(&self) -> bool {
+    /// Ends a standstill. Within the bands the chair may have reached these rates.
+    fn release(&mut self) {
+        let within = 0.05; // s, the shortest time in which a chair crosses a band from rest
+        let (v, r) = (self.bands.distance / within, self.bands.heading / within);
+        let w = self.bands.gyro;
+        match &mut self.state.belief {
+            Belief::Basic(filter) => self.basic.release(filter, [v, r, w]),
+            Belief::Biased(filter) => self.biased.release(filter, [v, r, w]),
+            Belief::Gravity(filter) => self.gravity.release(filter, [v, r, w, w]),
+        }
+    }
+
+    /// Whether mean and variances are numbers that a chair can have; what a run of impossible samples has
+    /// driven beyond that would not come back by itself.
+    fn is_plausible(&self) -> bool {
         fn finite<const N: usize>(filter: &Ekf<N>) -> bool {
             filter.mean.iter().all(|m| m.is_finite()) && (0..N).all(|i| filter.covariance[(i, i)].is_finite())
         }
-        match &self.state.belief {
-            Belief::Basic(filter) => finite(filter),
-            Belief::Biased(filter) => finite(filter),
-            Belief::Gravity(filter) => finite(filter),
-        }
+        let (numbers, tilt) = match &self.state.belief {
+            Belief::Basic(filter) => (finite(filter), filter.mean[model::XI].abs() / FRAC_PI_2),
+            Belief::Biased(filter) => (finite(filter), filter.mean[model::XI].abs() / FRAC_PI_2),
+            Belief::Gravity(filter) => (finite(filter), filter.mean[gravity::GX].hypot(filter.mean[gravity::GY])),
+        };
+        let (speed, yaw_rate) = self.motion();
+        let limit = &self.parameters.limit;
+        numbers && tilt <= 1.0 && speed.abs() <= limit.speed && yaw_rate.abs() <= limit.yaw_rate
     }
 
     /// Starts the filter anew where the encoders last put the chair.
@@ -211,6 +228,7 @@ impl Estimator for Wheelchair {
                 distance: bands.distance_band,
                 heading: bands.heading_band,
                 gyro: bands.gyro_band,
+                accel: bands.accel_band,
             },
             chair,
             initial,
@@ -257,11 +275,20 @@ impl Estimator for Wheelchair {
         status.raise_if(readings.implausible, Status::IMPLAUSIBLE);
         status.raise_if(readings.restarted, Status::RESTARTED);
         let sample = wheels::sample(&self.chair, readings.angles, measured[2], [measured[3], measured[4], measured[5]]);
+        let was_still = self.state.standstill.is_still();
         let still = self.parameters.filter.detect_standstill && {
-            let (distance, heading) = (sample.values[0], sample.values[1]);
-            self.state.standstill.update(&self.bands, distance, heading, measured[2], dt)
+            let signs = Signs {
+                distance: sample.values[0],
+                heading: sample.values[1],
+                gyro: measured[2],
+                accel: [measured[3], measured[4]],
+            };
+            self.state.standstill.update(&self.bands, &signs, dt)
         };
         status.raise_if(still, Status::STANDSTILL);
+        if was_still && !still {
+            self.release();
+        }
 
         if self.state.started {
             let command = Command::from(self.state.command);
@@ -285,7 +312,7 @@ impl Estimator for Wheelchair {
                 status |= Status::RECOVERED | Status::RESTARTED;
             }
         }
-        if !self.is_finite() {
+        if !self.is_plausible() {
             self.restart();
             status |= Status::RECOVERED | Status::RESTARTED;
         }

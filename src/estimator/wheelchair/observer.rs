@@ -220,6 +220,17 @@ impl<F> Observer<F> {
         Ok(Update { nis, dof: sensors.dof + rest.dof, sensors })
     }
 
+    /// Ends a standstill: the chair may have begun to move before the bands could show it, so speed,
+    /// yaw rate and tilt rates become as uncertain as `std` says.
+    pub fn release<const N: usize, const P: usize>(&self, filter: &mut Ekf<N>, std: [f64; P])
+    where
+        F: Form<N, P>,
+    {
+        for (state, std) in F::AT_REST.into_iter().zip(std) {
+            filter.covariance[(state, state)] += std * std;
+        }
+    }
+
     /// The rows that have a plausible sample.
     fn rows<const N: usize, const P: usize>(&self, filter: &Ekf<N>, sample: &Sample, drive: &Drive) -> Rows<N, 6>
     where

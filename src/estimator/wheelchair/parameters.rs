@@ -183,6 +183,8 @@ crate::variables! {
         heading_band: f64 = 4e-3, "rad", [1e-9, 1.0], tunable;
         /// Largest pitch rate at standstill.
         gyro_band: f64 = 0.05, "rad/s", [1e-9, 10.0], tunable;
+        /// Largest deviation of the accelerometer ahead and to the left from its mean at standstill.
+        accel_band: f64 = 0.25, "m/s2", [1e-9, 100.0], tunable;
     }
 }
 
@@ -199,6 +201,10 @@ crate::variables! {
         drive_force: f64 = 5e3, "N", [1.0, 1e6];
         /// Largest drive moment.
         drive_moment: f64 = 2e3, "N.m", [1.0, 1e6];
+        /// Largest speed; a filter beyond it has gone astray and starts anew.
+        speed: f64 = 20.0, "m/s", [0.1, 1e3];
+        /// Largest yaw rate; a filter beyond it has gone astray and starts anew.
+        yaw_rate: f64 = 30.0, "rad/s", [0.1, 1e3];
         /// Standard deviation of the slope above which the estimates are not healthy.
         healthy_slope_std: f64 = 0.03, "rad", [1e-6, 10.0];
         /// Standard deviation of the speed above which the estimates are not healthy.

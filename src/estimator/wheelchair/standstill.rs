@@ -13,11 +13,14 @@ pub struct Bands {
     pub heading: f64,
     /// Pitch rate, rad/s.
     pub gyro: f64,
+    /// Deviation of the specific force ahead and to the left from its mean, m/s^2.
+    pub accel: f64,
 }
 
 /// Watches how far distance and heading have moved since the chair came to rest.
 ///
-/// The bands count from the beginning of the rest, not from a sliding window: creeping is no rest.
+/// A push shows in the accelerometer before the wheels have turned by a step of the encoders; taken for
+/// a slope it would do lasting harm. The bands count from the beginning of the rest, not from a sliding window: creeping is no rest.
 /// The first violation ends the rest at once.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Standstill {
@@ -26,9 +29,25 @@ pub struct Standstill {
     heading: (f64, f64),
     /// Duration of the watch, s; `None` before the first complete sample.
     watched: Option<f64>,
+    /// Mean of the specific force ahead and to the left over so many samples.
+    accel: [f64; 2],
+    samples: f64,
     /// Time since the last encoder sample, s.
     blind: f64,
     still: bool,
+}
+
+/// What the detector looks at; NaN = missing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Signs {
+    /// Distance of the encoders, m.
+    pub distance: f64,
+    /// Heading of the encoders, rad.
+    pub heading: f64,
+    /// Pitch rate, rad/s.
+    pub gyro: f64,
+    /// Specific force ahead and to the left, m/s^2.
+    pub accel: [f64; 2],
 }
 
 impl Standstill {
@@ -37,33 +56,42 @@ impl Standstill {
         self.still
     }
 
-    /// Takes the sample after `dt` seconds; NaN = missing. Returns whether the chair stands still.
+    /// Takes the sample after `dt` seconds. Returns whether the chair stands still.
     ///
     /// Without encoders nothing is known: after the time that makes a standstill it is taken back.
-    pub fn update(&mut self, bands: &Bands, distance: f64, heading: f64, gyro: f64, dt: f64) -> bool {
-        let turning = gyro.abs() > bands.gyro;
-        let seen = distance.is_finite() && heading.is_finite();
+    pub fn update(&mut self, bands: &Bands, signs: &Signs, dt: f64) -> bool {
+        let seen = signs.distance.is_finite() && signs.heading.is_finite();
         self.blind = if seen { 0.0 } else { self.blind + dt };
-        if turning || self.blind > bands.time {
+        let turning = signs.gyro.abs() > bands.gyro;
+        let pushed = self.samples > 0.0 && (0..2).any(|k| (signs.accel[k] - self.accel[k]).abs() > bands.accel);
+        if turning || pushed || self.blind > bands.time {
             *self = Self { blind: self.blind, ..Self::default() };
-            return false;
         }
-        if !seen {
+        if signs.accel.iter().all(|a| a.is_finite()) {
+            self.samples += 1.0;
+            for k in 0..2 {
+                self.accel[k] += (signs.accel[k] - self.accel[k]) / self.samples;
+            }
+        }
+        if turning || !seen {
             self.watched = self.watched.map(|time| time + dt);
             return self.still;
         }
         let widen = |(low, high): (f64, f64), value: f64| (low.min(value), high.max(value));
-        if let Some(time) = self.watched {
-            let (d, h) = (widen(self.distance, distance), widen(self.heading, heading));
-            if d.1 - d.0 <= bands.distance && h.1 - h.0 <= bands.heading {
-                (self.distance, self.heading) = (d, h);
+        let (distance, heading) = (widen(self.distance, signs.distance), widen(self.heading, signs.heading));
+        match self.watched {
+            Some(time) if distance.1 - distance.0 <= bands.distance && heading.1 - heading.0 <= bands.heading => {
+                (self.distance, self.heading) = (distance, heading);
                 self.watched = Some(time + dt);
                 self.still = time + dt >= bands.time - 0.5 * dt;
-                return self.still;
+            }
+            _ => {
+                self.distance = (signs.distance, signs.distance);
+                self.heading = (signs.heading, signs.heading);
+                self.watched = Some(0.0);
+                self.still = false;
             }
         }
-        *self = Self { distance: (distance, distance), heading: (heading, heading), watched: Some(0.0), ..*self };
-        self.still = false;
-        false
+        self.still
     }
 }

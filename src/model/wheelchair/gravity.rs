@@ -32,13 +32,22 @@ pub const WP: usize = 6;
 /// Index of the roll rate, rad/s.
 pub const WR: usize = 7;
 
-/// Share of "up" along the normal; a state beyond the unit circle counts as standing on end.
-fn normal_share(x: &State) -> f64 {
-    (1.0 - x[GX] * x[GX] - x[GY] * x[GY]).max(1e-6).sqrt()
+/// Smallest share of "up" along the normal, a tilt of 80 degrees.
+const STEEPEST: f64 = 0.17;
+
+/// Share of "up" along the normal, with its gradient over `gx`, `gy`. A state beyond the steepest tilt,
+/// or even beyond the unit circle, keeps that share, so that no gradient grows without bound.
+fn normal_share(x: &State) -> (f64, [f64; 2]) {
+    let square = 1.0 - x[GX] * x[GX] - x[GY] * x[GY];
+    if square <= STEEPEST * STEEPEST {
+        return (STEEPEST, [0.0; 2]);
+    }
+    let gz = square.sqrt();
+    (gz, [-x[GX] / gz, -x[GY] / gz])
 }
 
 fn motion(chair: &Chair, x: &State, u: &Command, still: bool) -> (f64, f64) {
-    if still { (0.0, 0.0) } else { accelerations(chair, x[V], x[R], [x[GX], x[GY], normal_share(x)], u) }
+    if still { (0.0, 0.0) } else { accelerations(chair, x[V], x[R], [x[GX], x[GY], normal_share(x).0], u) }
 }
 
 /// Gradients of `v'` and `r'` over `[v, r, gx, gy]`.
@@ -46,15 +55,15 @@ fn motion_gradients(chair: &Chair, x: &State, still: bool) -> [[f64; 4]; 2] {
     if still {
         return [[0.0; 4]; 2];
     }
-    let gz = normal_share(x);
+    let (gz, [gz_x, gz_y]) = normal_share(x);
     acceleration_partials(chair, x[V], x[R], gz)
-        .map(|[v, r, gx, gy, along_z]| [v, r, gx - along_z * x[GX] / gz, gy - along_z * x[GY] / gz])
+        .map(|[v, r, gx, gy, along_z]| [v, r, gx + along_z * gz_x, gy + along_z * gz_y])
 }
 
 /// `x' = f(x, u)`: `s' = v + renc wp`, `psi' = r`, `gx' = r gy + gz wp`, `gy' = gz wr - r gx`, the
 /// rates `wp`, `wr` constant, `v'` and `r'` as in [`super::derivative`].
 pub fn derivative(chair: &Chair, x: &State, u: &Command, still: bool) -> State {
-    let gz = normal_share(x);
+    let (gz, _) = normal_share(x);
     let (v_dot, r_dot) = motion(chair, x, u, still);
     let gx_dot = x[R] * x[GY] + gz * x[WP];
     let gy_dot = gz * x[WR] - x[R] * x[GX];
@@ -63,7 +72,7 @@ pub fn derivative(chair: &Chair, x: &State, u: &Command, still: bool) -> State {
 
 /// Jacobian of [`derivative`].
 pub fn jacobian(chair: &Chair, x: &State, still: bool) -> SMatrix<f64, 8, 8> {
-    let gz = normal_share(x);
+    let (gz, [gz_x, gz_y]) = normal_share(x);
     let mut jacobian = SMatrix::<f64, 8, 8>::zeros();
     jacobian[(S, V)] = 1.0;
     jacobian[(S, WP)] = chair.pitch_travel;
@@ -74,12 +83,12 @@ pub fn jacobian(chair: &Chair, x: &State, still: bool) -> SMatrix<f64, 8, 8> {
         }
     }
     jacobian[(GX, R)] = x[GY];
-    jacobian[(GX, GX)] = -x[GX] / gz * x[WP];
-    jacobian[(GX, GY)] = x[R] - x[GY] / gz * x[WP];
+    jacobian[(GX, GX)] = gz_x * x[WP];
+    jacobian[(GX, GY)] = x[R] + gz_y * x[WP];
     jacobian[(GX, WP)] = gz;
     jacobian[(GY, R)] = -x[GX];
-    jacobian[(GY, GX)] = -x[R] - x[GX] / gz * x[WR];
-    jacobian[(GY, GY)] = -x[GY] / gz * x[WR];
+    jacobian[(GY, GX)] = -x[R] + gz_x * x[WR];
+    jacobian[(GY, GY)] = gz_y * x[WR];
     jacobian[(GY, WR)] = gz;
     jacobian
 }
@@ -96,14 +105,15 @@ pub fn output(chair: &Chair, x: &State, u: &Command, still: bool) -> Output {
         x[WP],
         v_dot + g * x[GX] - dy * r_dot + p * q * dy - dx * (q * q + r * r),
         v * r + g * x[GY] + dx * r_dot + p * q * dx - dy * (p * p + r * r),
-        g * normal_share(x) - v * q + 2.0 * r * (p * dx + q * dy) - dz * (p * p + q * q),
+        g * normal_share(x).0 - v * q + 2.0 * r * (p * dx + q * dy) - dz * (p * p + q * q),
     )
 }
 
 /// Jacobian of [`output`].
 pub fn output_jacobian(chair: &Chair, x: &State, still: bool) -> SMatrix<f64, 6, 8> {
     let [v_gradient, r_gradient] = motion_gradients(chair, x, still);
-    let (v, r, p, q, g, gz) = (x[V], x[R], x[WR], -x[WP], chair.gravity, normal_share(x));
+    let (v, r, p, q, g) = (x[V], x[R], x[WR], -x[WP], chair.gravity);
+    let (_, [gz_x, gz_y]) = normal_share(x);
     let [dx, dy, dz] = chair.lever;
     let mut jacobian = SMatrix::<f64, 6, 8>::zeros();
     jacobian[(0, S)] = 1.0;
@@ -125,8 +135,8 @@ pub fn output_jacobian(chair: &Chair, x: &State, still: bool) -> SMatrix<f64, 6,
     jacobian[(4, WR)] = q * dx - 2.0 * dy * p;
     jacobian[(5, V)] = -q;
     jacobian[(5, R)] = 2.0 * (p * dx + q * dy);
-    jacobian[(5, GX)] = -g * x[GX] / gz;
-    jacobian[(5, GY)] = -g * x[GY] / gz;
+    jacobian[(5, GX)] = g * gz_x;
+    jacobian[(5, GY)] = g * gz_y;
     jacobian[(5, WP)] = v - 2.0 * r * dy + 2.0 * dz * q;
     jacobian[(5, WR)] = 2.0 * r * dx - 2.0 * dz * p;
     jacobian

@@ -14,9 +14,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use settings::{Chosen, NoiseSettings, person};
 use std::f64::consts::{PI, TAU};
-use wheelstate::Variables;
-use wheelstate::estimator::nursing_robot::{Inputs, Parameters};
+use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Parameters};
 use wheelstate::plant::nursing_robot::{Command, NursingRobotPlant, STEP};
+use wheelstate::{Estimator, Variables};
 
 /// The scenarios.
 pub const SCENARIOS: &[Scenario] = &[
@@ -136,8 +136,9 @@ pub fn run(request: &Request) -> Result<Run, SimulateError> {
     let mut rng = ChaCha8Rng::seed_from_u64(request.seed);
     let mut truth = chosen.machine.clone();
     chosen.draw_patient(&mut rng, scenario == "identification", &mut truth)?;
-    let mut successor = truth.clone();
-    chosen.draw_patient(&mut rng, false, &mut successor)?;
+    // Refuses what does not fit together, as a stiffness that lets the body topple.
+    NursingRobot::new(&truth)?;
+    let successor = chosen.successor(&mut rng, &truth);
     let mut assumed = truth.clone();
     let mut symmetric = |limit: f64| limit * rng.random_range(-1.0..1.0);
     let draws: [f64; 8] = std::array::from_fn(|_| symmetric(1.0));

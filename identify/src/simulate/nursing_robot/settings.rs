@@ -126,6 +126,28 @@ impl Chosen {
         )
     }
 
+    /// Another patient after `first`: mass and stature drawn anew, sway frequencies within 10 % and damping
+    /// ratios within 20 % of those of the first, who has been identified.
+    pub fn successor(&self, rng: &mut ChaCha8Rng, first: &Parameters) -> Parameters {
+        let mut draw = |low: f64, high: f64| rng.random_range(low..high);
+        let mut next = first.clone();
+        let stature = draw(1.55, 1.85);
+        let human = &mut next.human;
+        human.nominal_mass = draw(50.0, 100.0);
+        (human.com_height, human.gyration_radius) = (0.180 * stature, 0.1428 * stature);
+        let (old, new) = (first.human(), next.human());
+        let spring = |k: f64, factor: f64| {
+            let stiffness = (k - old.first_moment() * GRAVITY) / old.hip_inertia();
+            new.hip_inertia() * stiffness * factor * factor + new.first_moment() * GRAVITY
+        };
+        let damper = |c: f64, factor: f64| c / old.hip_inertia() * new.hip_inertia() * factor;
+        next.human.stiffness_pitch = spring(old.stiffness_pitch, draw(0.9, 1.1));
+        next.human.stiffness_roll = spring(old.stiffness_roll, draw(0.9, 1.1));
+        next.human.damping_pitch = damper(old.damping_pitch, draw(0.8, 1.2));
+        next.human.damping_roll = damper(old.damping_roll, draw(0.8, 1.2));
+        next
+    }
+
     /// Sets parameters of the machine, except those that the request has set.
     pub fn offer_all(&self, offers: &[(&str, f64)], machine: &mut Parameters) -> Result<(), SimulateError> {
         for (name, value) in offers.iter().filter(|(name, _)| !self.fixed.iter().any(|fixed| fixed == name)) {

@@ -1,0 +1,344 @@
+//! The nursing robot with a seated person, and road vehicles.
+//!
+//! # What is fitted from which channels
+//!
+//! | parameter | needs | how |
+//! |---|---|---|
+//! | `human.*_pitch` | `tilt` | weak-form pitch rows; with `--refine` output error of speed and tilt |
+//! | | only wheels | blind rows to start, then output error of the speed; `rest_pitch` stays unknown (a kept lean makes no force) |
+//! | `human.*_roll` | `roll` | weak-form roll rows; wheels do not feel roll |
+//! | `rolling.coefficient`, `robot.drive_efficiency` | the person's weight as `human.nominal_mass` | weak-form force balance |
+//! | `robot.mass` or `human.nominal_mass`, with `rolling.coefficient` (`--only`) | the other mass, `robot.drive_efficiency` | the same rows with the mass unknown |
+//!
+//! The person's mass, size and swaying share, the robot and the air drag are known parameters. With an
+//! `accel_x` channel the mass fits use the specific force, so slopes cancel (unless
+//! `mass.use_accelerometer` is set to false); a constant accelerometer bias is then part of
+//! `rolling.coefficient` (0.01 m/s2 make 0.001), in the fit as in the online estimator.
+
+mod noise;
+pub mod refine;
+pub mod rows;
+pub mod signals;
+pub mod sway;
+mod validate;
+
+use super::weak_form::Bump;
+use super::{FitError, Fitted, Judgement, Known, Problem, Session, Target, Task};
+use crate::assess::Limits;
+use crate::log::Log;
+use crate::solve::{Regression, Rows, Unknown};
+use crate::vehicle::Vehicle;
+use refine::{Segment, Setup};
+use rows::{Body, Drive, GRAVITY, Signals, Windows};
+use sway::Passive;
+
+/// The problem.
+pub const PROBLEM: Problem =
+    Problem { known: || Vehicle::NursingRobot.parameters(), targets, estimate, validate: validate::validate };
+
+const PITCH: [&str; 3] = ["human.stiffness_pitch", "human.damping_pitch", "human.rest_pitch"];
+const ROLL: [&str; 3] = ["human.stiffness_roll", "human.damping_roll", "human.rest_roll"];
+const ROLLING: &str = "rolling.coefficient";
+const EFFICIENCY: &str = "robot.drive_efficiency";
+const ROBOT_MASS: &str = "robot.mass";
+const HUMAN_MASS: &str = "human.nominal_mass";
+
+/// Standard deviation of an accelerometer's constant bias, m/s2: what calibrated sensors keep.
+const ACCELEROMETER_BIAS: f64 = 0.01;
+
+fn targets(_: &[Log]) -> Vec<Target> {
+    let declared = Vehicle::NursingRobot.parameters();
+    let usual = PITCH.iter().chain(&ROLL).chain(&[ROLLING, EFFICIENCY]).map(|name| (*name, true));
+    let others = [ROBOT_MASS, HUMAN_MASS].map(|name| (name, false));
+    usual.chain(others).map(|(name, usual)| Target::declared(&declared, name, usual)).collect()
+}
+
+/// Length of the windows in seconds, and the bump's power.
+fn bump(period: f64, seconds: f64, power: i32) -> Bump {
+    // At slow sampling a window has at least 20 samples.
+    let n = ((seconds / period).round() as usize).max(20);
+    Bump::polynomial(n, period, power)
+}
+
+/// A bump per log and the signals it goes over.
+pub(super) struct Windowed {
+    signals: Signals,
+    sway: Bump,
+    blind: Bump,
+}
+
+impl Windowed {
+    fn windows<'a>(&'a self, bump: &'a Bump) -> Windows<'a> {
+        let stride = ((bump.len() - 1) / rows::OVERLAP).max(1);
+        // Roads, wind and people change slowly: a long log has 40 clusters, not thousands.
+        let cluster = rows::OVERLAP.max(self.signals.len() / stride / 40);
+        Windows { signals: &self.signals, bump, stride, cluster }
+    }
+
+    pub(super) fn sway(&self) -> Windows<'_> {
+        self.windows(&self.sway)
+    }
+}
+
+pub(super) fn windowed(task: &Task) -> Result<Vec<Windowed>, FitError> {
+    let of = |log: &Log| {
+        let signals = signals::signals(log, task.known)?;
+        let (sway, blind) = (bump(signals.period, 1.2, 4), bump(signals.period, 2.0, 6));
+        Ok(Windowed { signals, sway, blind })
+    };
+    task.logs.iter().map(of).collect()
+}
+
+pub(super) fn passive(known: &Known) -> Passive {
+    Passive {
+        stiffness: known.get(PITCH[0]),
+        damping: known.get(PITCH[1]),
+        rolling: known.get(ROLLING),
+        rest: known.get(PITCH[2]),
+    }
+}
+
+fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
+    let mut logs = windowed(task)?;
+    let body = signals::body(task.known);
+    if task.wants(ROBOT_MASS) || task.wants(HUMAN_MASS) {
+        check_mass_request(task)?;
+    }
+    let seated = body.j > 0.0;
+    let mut hip = passive(task.known);
+    let wanted = task.wanted_of(&PITCH);
+    if !wanted.is_empty() && seated {
+        let tilt = logs.iter().any(|log| !log.signals.pitch.is_empty());
+        let found = if tilt { pitch(&logs, &body, session)? } else { blind(&logs, &body, session)? };
+        hip = found.unwrap_or(hip);
+        if task.refine || !tilt {
+            hip = output_error(task, &logs, &body, &hip, tilt, session)?;
+        }
+    }
+    if !task.wanted_of(&ROLL).is_empty() && seated {
+        roll(&logs, &body, session)?;
+    }
+    for name in PITCH.iter().chain(&ROLL).filter(|_| !seated) {
+        session.give_up(name, "human.nominal_mass or human.swaying_fraction is 0, so nothing sways");
+    }
+    // Without tilt the sway force comes from the passive model driven by the measured speed.
+    for log in logs.iter_mut().filter(|log| log.signals.pitch.is_empty() && seated) {
+        log.signals.pitch = sway::pitch_from_speed(&log.signals, &body, &hip);
+    }
+    if task.wants(ROBOT_MASS) || task.wants(HUMAN_MASS) {
+        mass(task, &logs, &body, session)
+    } else if task.wants(ROLLING) || task.wants(EFFICIENCY) {
+        force_balance(task, &logs, &body, session)
+    } else {
+        Ok(())
+    }
+}
+
+fn check_mass_request(task: &Task) -> Result<(), FitError> {
+    let refuse = |why: &str| Err(FitError::Request(format!("--only: {why}")));
+    if task.wants(ROBOT_MASS) && task.wants(HUMAN_MASS) {
+        return refuse("robot.mass and human.nominal_mass cannot both be fitted: only their sum accelerates");
+    }
+    if task.wants(EFFICIENCY) {
+        return refuse("robot.drive_efficiency cannot be fitted together with a mass: it scales with it");
+    }
+    Ok(())
+}
+
+fn regression(name: &str, unknowns: Vec<Unknown>, rows: Rows) -> Regression {
+    Regression { name: name.to_owned(), unknowns, groups: vec![rows], constraints: Vec::new() }
+}
+
+/// Spring and damper: `[k, c, k phi_0]` to three parameters.
+fn passive_joint(session: &mut Session, fit: Fitted, names: [&str; 3]) {
+    session.estimate(names[0], fit, |x| x[0]);
+    session.estimate(names[1], fit, |x| x[1]);
+    session.estimate_judged(names[2], fit, angle(), |x| x[2] / x[0]);
+}
+
+/// An angle may well be zero: it is judged by its absolute error.
+fn angle() -> Judgement {
+    Judgement { limits: Limits { absolute_error: Some(0.02), ..Limits::default() }, ..Judgement::default() }
+}
+
+fn spring() -> Vec<Unknown> {
+    vec![Unknown::within("k", 0.0, 5000.0), Unknown::within("c", 0.0, 500.0), Unknown::free("k phi_0")]
+}
+
+fn pitch(logs: &[Windowed], body: &Body, session: &mut Session) -> Result<Option<Passive>, FitError> {
+    let mut all = Rows::new("pitch moment", "N.m.s", 3);
+    for log in logs.iter().filter(|log| !log.signals.pitch.is_empty()) {
+        rows::pitch(&mut all, &log.sway(), body);
+    }
+    all.noise = noise::pitch(logs, body);
+    let fit = session.solve(&regression("pitch", spring(), all), &PITCH)?;
+    let Some(fit) = fit else { return Ok(None) };
+    passive_joint(session, fit, PITCH);
+    let theta = &session.solution(fit).theta;
+    let rolling = session.value(ROLLING).unwrap_or(0.015);
+    Ok(Some(Passive { stiffness: theta[0], damping: theta[1], rest: theta[2] / theta[0].max(1.0), rolling }))
+}
+
+fn roll(logs: &[Windowed], body: &Body, session: &mut Session) -> Result<(), FitError> {
+    if logs.iter().all(|log| log.signals.roll.is_empty()) {
+        let reason = "the logs have no roll channel, and wheels do not feel roll";
+        ROLL.iter().for_each(|name| session.give_up(name, reason));
+        return Ok(());
+    }
+    let mut all = Rows::new("roll moment", "N.m.s", 3);
+    for log in logs.iter().filter(|log| !log.signals.roll.is_empty()) {
+        rows::roll(&mut all, &log.sway(), body);
+    }
+    all.noise = noise::roll(logs, body);
+    if let Some(fit) = session.solve(&regression("roll", spring(), all), &ROLL)? {
+        passive_joint(session, fit, ROLL);
+    }
+    Ok(())
+}
+
+/// A start for the output error from force and speed alone.
+fn blind(logs: &[Windowed], body: &Body, session: &mut Session) -> Result<Option<Passive>, FitError> {
+    let mut all = Rows::new("blind", "N2.s3", 3);
+    logs.iter().for_each(|log| rows::blind(&mut all, &log.windows(&log.blind), body));
+    let toppling = body.b * GRAVITY;
+    let unknowns = vec![
+        Unknown::within("c", 0.0, 500.0),
+        Unknown::within("k - b g", 0.0, 5000.0 - toppling),
+        Unknown::free("(k - b g) f M g"),
+    ];
+    let Some(fit) = session.solve(&regression("blind", unknowns, all), &PITCH)? else { return Ok(None) };
+    let theta = &session.solution(fit).theta;
+    let rolling = theta[2] / (theta[1].max(1.0) * body.total_mass() * GRAVITY);
+    Ok(Some(Passive {
+        stiffness: theta[1].max(20.0) + toppling,
+        damping: theta[0].clamp(5.0, 400.0),
+        rest: 0.0,
+        rolling: rolling.clamp(0.0, 0.1),
+    }))
+}
+
+/// Output error; its estimates replace those of the weak form.
+fn output_error(
+    task: &Task,
+    logs: &[Windowed],
+    body: &Body,
+    start: &Passive,
+    tilt: bool,
+    session: &mut Session,
+) -> Result<Passive, FitError> {
+    let mut segments = Vec::new();
+    for log in logs {
+        let samples = |seconds: f64| (seconds / log.signals.period).round() as usize;
+        let most = (8 / logs.len()).max(1);
+        let ranges = sway::segments(&log.signals, samples(4.0), samples(40.0), most);
+        segments.extend(ranges.into_iter().map(|samples| Segment { signals: &log.signals, samples }));
+    }
+    let start = Passive { rest: if tilt { start.rest } else { task.known.get(PITCH[2]) }, ..*start };
+    if segments.is_empty() {
+        let reason = "no 4 s of speed and torque without gaps to simulate";
+        PITCH.iter().filter(|_| !tilt).for_each(|name| session.give_up(name, reason));
+        return Ok(start);
+    }
+    let moves = |segment: &Segment| {
+        let speed = &segment.signals.speed[segment.samples.clone()];
+        let mean = speed.iter().sum::<f64>() / speed.len() as f64;
+        let spread = (speed.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / speed.len() as f64).sqrt();
+        spread > 5.0 * signals::noise(speed)
+    };
+    if !tilt && !segments.iter().any(moves) {
+        let reason = "the speed hardly changes beyond its noise, so the body does not sway";
+        PITCH.iter().for_each(|name| session.retract(name, reason));
+        return Ok(start);
+    }
+    let setup = Setup {
+        speed_std: task.known.get("sway.speed_std"),
+        pitch_std: tilt.then(|| task.known.get("sway.tilt_std")),
+        loss: session.loss(),
+    };
+    let solution = refine::refine(&segments, body, &start, &setup)?;
+    let found = Passive {
+        stiffness: solution.theta[0],
+        damping: solution.theta[1],
+        rolling: solution.theta[2],
+        rest: solution.theta[3],
+    };
+    let fit = session.keep(solution);
+    session.estimate(PITCH[0], fit, |x| x[0]);
+    session.estimate(PITCH[1], fit, |x| x[1]);
+    if tilt {
+        session.estimate_judged(PITCH[2], fit, angle(), |x| x[3]);
+    } else {
+        session.give_up(PITCH[2], "the logs have no tilt channel, and wheels do not feel a kept lean");
+    }
+    Ok(found)
+}
+
+/// `[f, eta]`, or the one of them that is wanted if the user asked for it alone.
+fn force_balance(task: &Task, logs: &[Windowed], body: &Body, session: &mut Session) -> Result<(), FitError> {
+    let unknowns = if task.wants(EFFICIENCY) { Drive::RollingEfficiency } else { Drive::Rolling };
+    let mut all = Rows::new("force balance", "N.s", unknowns.unknowns());
+    logs.iter().for_each(|log| rows::drive(&mut all, &log.sway(), body, unknowns, false));
+    all.noise = noise::drive(logs, body, unknowns, false);
+    let mut sought = vec![Unknown::within("f", 0.0, 0.1)];
+    if unknowns == Drive::RollingEfficiency {
+        sought.push(Unknown::within("eta", 0.5, 1.5));
+    }
+    let Some(fit) = session.solve(&regression("force balance", sought, all), &[ROLLING, EFFICIENCY])? else {
+        return Ok(());
+    };
+    session.estimate(ROLLING, fit, |x| x[0]);
+    if unknowns == Drive::RollingEfficiency {
+        session.estimate(EFFICIENCY, fit, |x| x[1]);
+    }
+    Ok(())
+}
+
+/// `[f M, m]` with the robot's or the person's mass unknown.
+fn mass(task: &Task, logs: &[Windowed], body: &Body, session: &mut Session) -> Result<(), FitError> {
+    let (name, unknowns, other) = if task.wants(ROBOT_MASS) {
+        (ROBOT_MASS, Drive::RollingRobot, body.human_mass)
+    } else {
+        (HUMAN_MASS, Drive::RollingLoad, body.robot_mass)
+    };
+    let accelerometer = use_accelerometer(task, logs);
+    let mut all = Rows::new("force balance", "N.s", 2);
+    logs.iter().for_each(|log| rows::drive(&mut all, &log.sway(), body, unknowns, accelerometer));
+    all.noise = noise::drive(logs, body, unknowns, accelerometer);
+    let sought = vec![Unknown::within("f M", 0.0, f64::INFINITY), Unknown::within("m", 0.0, 1e5)];
+    let parameters = [name, ROLLING];
+    let fixed = task.known.get(ROLLING);
+    let fit = if task.wants(ROLLING) {
+        session.solve(&regression("force balance", sought, all), &parameters)?
+    } else {
+        // Rolling coefficient known: f M = f (m + other).
+        let mut single = Rows::new("force balance", "N.s", 1);
+        for i in 0..all.len() {
+            let (row, known) = (all.row(i), fixed * other);
+            single.push(&[row[1] + fixed * row[0]], all.y[i] - known * row[0], all.cluster[i]);
+        }
+        session.solve(&regression("force balance", vec![Unknown::within("m", 0.0, 1e5)], single), &parameters)?
+    };
+    let Some(fit) = fit else { return Ok(()) };
+    if !task.wants(ROLLING) {
+        session.estimate(name, fit, |x| x[0]);
+        return Ok(());
+    }
+    session.estimate(name, fit, |x| x[1]);
+    let systematic_std = if accelerometer { ACCELEROMETER_BIAS / GRAVITY } else { 0.0 };
+    let judgement = Judgement { systematic_std, ..Judgement::default() };
+    session.estimate_judged(ROLLING, fit, judgement, |x| x[0] / (x[1] + other));
+    if accelerometer {
+        session.note(format!(
+            "the specific force accel_x was used, so slopes cancel; a constant bias of the accelerometer is part of \
+             {ROLLING} (its interval allows for {ACCELEROMETER_BIAS} m/s2)"
+        ));
+    }
+    Ok(())
+}
+
+/// The accelerometer is used if there is one, unless the user says otherwise.
+fn use_accelerometer(task: &Task, logs: &[Windowed]) -> bool {
+    let asked = task.known.get("mass.use_accelerometer") != 0.0;
+    let present = logs.iter().all(|log| !log.signals.accel.is_empty());
+    present && (asked || !task.known.is_set("mass.use_accelerometer"))
+}

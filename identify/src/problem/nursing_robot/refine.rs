@@ -1,0 +1,101 @@
+//! Output-error refinement of stiffness, damping, rest angle and rolling resistance.
+//!
+//! The planar model runs from the logged force and yaw rate; its speed and pitch are compared with the
+//! measured ones. Every segment of the logs has its own initial speed, pitch and pitch rate. There is no process
+//! noise in the simulation, so a log with coughs or other active movement is better left to the
+//! weak-form fit.
+
+use super::rows::{Body, Signals};
+use super::sway::{Passive, simulate};
+use crate::solve::{Loss, Scale, Smooth, SmoothGroup, Solution, SolveError, Trust, Unknown, refine as minimise};
+use std::ops::Range;
+
+/// A part of a log that is simulated.
+#[derive(Clone, Debug)]
+pub struct Segment<'a> {
+    /// The signals of the log.
+    pub signals: &'a Signals,
+    /// Its samples.
+    pub samples: Range<usize>,
+}
+
+/// What the refinement compares and how it weighs it.
+#[derive(Clone, Copy, Debug)]
+pub struct Setup {
+    /// Standard deviation of the measured speed, m/s.
+    pub speed_std: f64,
+    /// Standard deviation of the measured pitch, rad; `None` compares the speed only and keeps the
+    /// rest angle, which wheels cannot feel.
+    pub pitch_std: Option<f64>,
+    /// The loss.
+    pub loss: Loss,
+}
+
+/// Unknowns before those of the segments: `k, c, f, phi_0`.
+const SHARED: usize = 4;
+/// Unknowns per segment: `v, phi, phi'` at its first sample.
+const INITIAL: usize = 3;
+
+/// Refines from a start. The first unknowns of the solution are stiffness, damping, rolling
+/// coefficient and rest angle.
+pub fn refine(segments: &[Segment], body: &Body, start: &Passive, setup: &Setup) -> Result<Solution, SolveError> {
+    let rest = if setup.pitch_std.is_some() { (-0.5, 0.5) } else { (start.rest, start.rest) };
+    let mut unknowns = vec![
+        Unknown::within("k_y", 0.0, 5000.0),
+        Unknown::within("c_y", 0.0, 500.0),
+        Unknown::within("f", 0.0, 0.1),
+        Unknown::within("phi_y0", rest.0, rest.1),
+    ];
+    let mut theta = vec![start.stiffness, start.damping, start.rolling, start.rest];
+    let mut typical = vec![200.0, 20.0, 0.01, 0.05];
+    for segment in segments {
+        let first = segment.samples.start;
+        let pitch = segment.signals.pitch.get(first).copied().filter(|p| p.is_finite()).unwrap_or(start.rest);
+        for (name, value, reach, size) in
+            [("v_0", segment.signals.speed[first], 10.0, 0.05), ("phi_i", pitch, 1.0, 0.1), ("phid_i", 0.0, 5.0, 0.5)]
+        {
+            unknowns.push(Unknown::within(name, value - reach, value + reach));
+            theta.push(value);
+            typical.push(size);
+        }
+    }
+    // Half of 100 Hz says as much about a 1 Hz sway at half the price.
+    let stride = |signals: &Signals| ((0.02 / signals.period).round() as usize).max(1);
+    let residuals = |theta: &[f64]| -> Vec<Vec<f64>> {
+        let passive = Passive { stiffness: theta[0], damping: theta[1], rolling: theta[2], rest: theta[3] };
+        let (mut of_speed, mut of_pitch) = (Vec::new(), Vec::new());
+        for (index, segment) in segments.iter().enumerate() {
+            let at = SHARED + INITIAL * index;
+            let initial = [theta[at], theta[at + 1], theta[at + 2]];
+            let (signals, first, stride) = (segment.signals, segment.samples.start, stride(segment.signals));
+            simulate(signals, segment.samples.clone(), body, &passive, initial, |i, x| {
+                if (i - first) % stride == 0 {
+                    of_speed.push(signals.speed[i] - x[0]);
+                    if setup.pitch_std.is_some() {
+                        of_pitch.push(signals.pitch.get(i).map_or(f64::NAN, |phi| phi - x[1]));
+                    }
+                }
+            });
+        }
+        if setup.pitch_std.is_some() { vec![of_speed, of_pitch] } else { vec![of_speed] }
+    };
+    let group = |name: &str, unit, std: f64| {
+        let period = segments.first().map_or(0.01, |segment| segment.signals.period * stride(segment.signals) as f64);
+        let cluster_rows = (1.0 / period).ceil() as usize;
+        SmoothGroup { name: name.to_owned(), unit, scale: Scale::Known(std), cluster_rows }
+    };
+    let mut groups = vec![group("speed", "m/s", setup.speed_std)];
+    groups.extend(setup.pitch_std.map(|std| group("tilt", "rad", std)));
+    let smooth = Smooth {
+        name: "output error".to_owned(),
+        unknowns,
+        start: theta,
+        typical,
+        groups,
+        residuals: &residuals,
+        constraints: Vec::new(),
+        trust: Trust::default(),
+        passes: 1,
+    };
+    minimise(&smooth, setup.loss)
+}

@@ -1,0 +1,313 @@
+//! Weak-form rows of the nursing robot: pitch, roll, longitudinal and blind.
+//!
+//! Notation of the robot with a seated person: `v` speed, `w` yaw rate, `phi_y` pitch, `phi_x` roll, `b = mu m_h h` first
+//! moment and `J = mu m_h (h^2 + rho^2)` moment of inertia of the swaying upper body about the hip,
+//! `F' = (tau_l + tau_r) / r`. The planar equations (Yang et al., eq. 29-32 with their signs and units
+//! corrected; erratum: the source prints an anti-damped, anti-sprung pendulum and a torque as force)
+//!
+//! ```text
+//! Mt v' + b (phi_y'' cos phi_y - phi_y'^2 sin phi_y - w^2 sin phi_y) = eta F' - f M g tanh(v / v_s)
+//! J phi_y'' + b cos phi_y v' - J w^2 sin phi_y cos phi_y - b g sin phi_y + c (phi_y)' + k (phi_y - phi_y0) = 0
+//! ```
+//!
+//! are multiplied with a bump and integrated by parts; no signal is differentiated. The pitch rate, which
+//! enters as a second-order term only, is the measured one or the slope of an 11-point quadratic.
+
+use crate::problem::weak_form::Bump;
+use crate::solve::Rows;
+
+/// Gravity, m/s2.
+pub const GRAVITY: f64 = 9.81;
+
+/// What is known of robot and person.
+#[derive(Clone, Copy, Debug)]
+pub struct Body {
+    /// Robot without person, kg.
+    pub robot_mass: f64,
+    /// Equivalent mass of rotating parts, kg.
+    pub rotating_mass: f64,
+    /// The person, kg.
+    pub human_mass: f64,
+    /// Swaying share of the person times the height of its centre of mass above the hip, m.
+    pub lever: f64,
+    /// First moment of the swaying part, kg.m.
+    pub b: f64,
+    /// Moment of inertia of the swaying part about the hip, kg.m2.
+    pub j: f64,
+    /// Drive efficiency.
+    pub efficiency: f64,
+    /// Speed over which rolling resistance changes sign, m/s.
+    pub smoothing_speed: f64,
+    /// `rho CdA / 2`, kg/m.
+    pub drag: f64,
+}
+
+impl Body {
+    /// `M`: everything that is accelerated, without the rotating mass, kg.
+    pub fn total_mass(&self) -> f64 {
+        self.robot_mass + self.human_mass
+    }
+
+    /// `Mt = M + m_rot`.
+    pub fn effective_mass(&self) -> f64 {
+        self.total_mass() + self.rotating_mass
+    }
+}
+
+/// Signals on a uniform time base; NaN is missing. A channel the log lacks is an empty vector.
+#[derive(Clone, Debug, Default)]
+pub struct Signals {
+    /// Time between two samples, s.
+    pub period: f64,
+    /// Time of the first sample, s.
+    pub start: f64,
+    /// `F'`, N.
+    pub force: Vec<f64>,
+    /// Speed, m/s.
+    pub speed: Vec<f64>,
+    /// Yaw rate, rad/s; zeros if the log has none.
+    pub yaw_rate: Vec<f64>,
+    /// Pitch, rad.
+    pub pitch: Vec<f64>,
+    /// Pitch rate, measured or from the pitch, rad/s; zeros without pitch.
+    pub pitch_rate: Vec<f64>,
+    /// Roll, rad.
+    pub roll: Vec<f64>,
+    /// Longitudinal specific force, m/s2.
+    pub accel: Vec<f64>,
+}
+
+impl Signals {
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.speed.len()
+    }
+
+    /// Whether there is no sample.
+    pub fn is_empty(&self) -> bool {
+        self.speed.is_empty()
+    }
+
+    fn pitch_at(&self, i: usize) -> f64 {
+        if self.pitch.is_empty() { 0.0 } else { self.pitch[i] }
+    }
+}
+
+/// Windows of one length and stride over signals.
+pub struct Windows<'a> {
+    /// The signals.
+    pub signals: &'a Signals,
+    /// The bump of a window.
+    pub bump: &'a Bump,
+    /// Samples from one window to the next.
+    pub stride: usize,
+    /// Consecutive rows whose disturbances may be correlated: at least the windows that overlap.
+    pub cluster: usize,
+}
+
+impl Windows<'_> {
+    /// First samples of the windows.
+    pub fn starts(&self) -> impl Iterator<Item = usize> {
+        let last = (self.signals.len() + 1).saturating_sub(self.bump.len());
+        (0..last).step_by(self.stride)
+    }
+
+    /// Middle of a window, s.
+    pub fn middle(&self, start: usize) -> f64 {
+        self.signals.start + self.signals.period * (start as f64 + 0.5 * (self.bump.len() - 1) as f64)
+    }
+
+    fn int(&self, order: usize, start: usize, x: impl Fn(usize) -> f64) -> f64 {
+        self.bump.integral(order, start, x)
+    }
+}
+
+/// Windows that overlap.
+pub const OVERLAP: usize = 12;
+
+/// Appends one row per window; `first_cluster` starts a new count for each log.
+fn fill(rows: &mut Rows, windows: &Windows, row: impl Fn(usize) -> (Vec<f64>, f64)) {
+    let first_cluster = rows.cluster.last().map_or(0, |last| last + 1);
+    let before = rows.len();
+    for start in windows.starts() {
+        let (a, y) = row(start);
+        let cluster = first_cluster + ((rows.len() - before) / windows.cluster) as u32;
+        rows.push(&a, y, cluster);
+    }
+}
+
+/// One row of `[k, c, k phi_0]` and its right-hand side, N.m.s, of the window that starts at a sample.
+pub type JointRow = (Vec<f64>, f64);
+
+/// The pitch row of a window.
+pub fn pitch_row(windows: &Windows, body: &Body, at: usize) -> JointRow {
+    let s = windows.signals;
+    let Body { b, j, .. } = *body;
+    let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
+    let phi = |i: usize| s.pitch[i];
+    let row = vec![int(0, &phi), -int(1, &phi), -int(0, &|_| 1.0)];
+    let inertia = j * int(2, &phi) - b * int(1, &|i| s.speed[i] * phi(i).cos());
+    let coupling = b * int(0, &|i| s.speed[i] * phi(i).sin() * s.pitch_rate[i] - GRAVITY * phi(i).sin());
+    let turning = j * int(0, &|i| s.yaw_rate[i].powi(2) * phi(i).sin() * phi(i).cos());
+    (row, -(inertia + coupling - turning))
+}
+
+/// The roll row of a window. Without a pitch channel the body counts as upright.
+pub fn roll_row(windows: &Windows, body: &Body, at: usize) -> JointRow {
+    let s = windows.signals;
+    let Body { b, j, .. } = *body;
+    let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
+    let roll = |i: usize| s.roll[i];
+    let row = vec![int(0, &roll), -int(1, &roll), -int(0, &|_| 1.0)];
+    let inertia = j * int(2, &roll) + j * int(1, &|i| s.yaw_rate[i] * s.pitch_at(i).sin());
+    let coupling = int(0, &|i| {
+        let (w, pitch, roll) = (s.yaw_rate[i], s.pitch_at(i), roll(i));
+        j * w * s.pitch_rate[i] * pitch.cos() * (1.0 - 2.0 * roll.cos().powi(2))
+            - j * w * w * roll.sin() * roll.cos() * pitch.cos().powi(2)
+            - b * w * s.speed[i] * roll.cos()
+            - b * GRAVITY * roll.sin() * pitch.cos()
+    });
+    (row, -(inertia + coupling))
+}
+
+/// Appends the pitch rows of all windows.
+pub fn pitch(rows: &mut Rows, windows: &Windows, body: &Body) {
+    fill(rows, windows, |at| pitch_row(windows, body, at));
+}
+
+/// Appends the roll rows of all windows.
+pub fn roll(rows: &mut Rows, windows: &Windows, body: &Body) {
+    fill(rows, windows, |at| roll_row(windows, body, at));
+}
+
+/// The integrals that the longitudinal rows are made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Longitudinal {
+    /// `int psi F'`, N.s.
+    pub force: f64,
+    /// `int psi v'` from the speed, m/s.
+    pub speed_rate: f64,
+    /// `int psi a`: specific force if measured and wanted, else as `speed_rate`, m/s.
+    pub inertial: f64,
+    /// Sway share per kilogram of person, m/s.
+    pub sway: f64,
+    /// `g int psi tanh(v / v_s)`, m/s.
+    pub rolling: f64,
+    /// `rho CdA / 2 int psi v |v|`, N.s.
+    pub drag: f64,
+    /// `int psi`, s.
+    pub one: f64,
+}
+
+/// The integrals of the window that starts at a sample.
+pub fn longitudinal(windows: &Windows, body: &Body, accelerometer: bool, at: usize) -> Longitudinal {
+    let s = windows.signals;
+    let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
+    let speed_rate = -int(1, &|i| s.speed[i]);
+    let sway = if s.pitch.is_empty() || body.lever == 0.0 {
+        0.0
+    } else {
+        let sin = |i: usize| s.pitch[i].sin();
+        body.lever * (int(2, &sin) - int(0, &|i| s.yaw_rate[i].powi(2) * sin(i)))
+    };
+    Longitudinal {
+        force: int(0, &|i| s.force[i]),
+        speed_rate,
+        inertial: if accelerometer { int(0, &|i| s.accel[i]) } else { speed_rate },
+        sway,
+        rolling: GRAVITY * int(0, &|i| (s.speed[i] / body.smoothing_speed).tanh()),
+        drag: if body.drag == 0.0 { 0.0 } else { body.drag * int(0, &|i| s.speed[i] * s.speed[i].abs()) },
+        one: int(0, &|_| 1.0),
+    }
+}
+
+/// Which longitudinal unknowns are sought.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Drive {
+    /// `[f]`.
+    Rolling,
+    /// `[f, eta]`.
+    RollingEfficiency,
+    /// `[f M, m_h]`: the person's mass, or `[f M, m]` with the robot's.
+    RollingLoad,
+    /// `[f M, m]`.
+    RollingRobot,
+}
+
+impl Drive {
+    /// Number of unknowns.
+    pub fn unknowns(self) -> usize {
+        if self == Self::Rolling { 1 } else { 2 }
+    }
+}
+
+/// Longitudinal rows, N.s.
+pub fn drive(rows: &mut Rows, windows: &Windows, body: &Body, unknowns: Drive, accelerometer: bool) {
+    fill(rows, windows, |at| {
+        let l = longitudinal(windows, body, accelerometer, at);
+        let resist = l.drag + body.rotating_mass * l.speed_rate;
+        let sway = body.human_mass * l.sway;
+        let carried = body.total_mass() * l.inertial + sway + resist;
+        match unknowns {
+            Drive::Rolling => (vec![body.total_mass() * l.rolling], body.efficiency * l.force - carried),
+            Drive::RollingEfficiency => (vec![body.total_mass() * l.rolling, -l.force], -carried),
+            Drive::RollingLoad => (
+                vec![l.rolling, l.inertial + l.sway],
+                body.efficiency * l.force - body.robot_mass * l.inertial - resist,
+            ),
+            Drive::RollingRobot => {
+                (vec![l.rolling, l.inertial], body.efficiency * l.force - body.human_mass * l.inertial - sway - resist)
+            }
+        }
+    });
+}
+
+/// Blind: `[c, k - b g, (k - b g) f M g]` from force and speed alone, for windows of straight forward
+/// drive. Pitch is eliminated; with noisy speed the answer is biased and only good to start from.
+pub fn blind(rows: &mut Rows, windows: &Windows, body: &Body) {
+    let s = windows.signals;
+    let mt = body.effective_mass();
+    let d = body.j * mt - body.b * body.b;
+    let slow = 3.0 * body.smoothing_speed;
+    fill(rows, windows, |at| {
+        let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
+        if !(at..at + windows.bump.len()).all(|i| s.speed[i] > slow) {
+            return (vec![f64::NAN; 3], f64::NAN);
+        }
+        let force = |i: usize| body.efficiency * s.force[i];
+        let speed = |i: usize| s.speed[i];
+        let row = vec![-int(1, &force) - mt * int(2, &speed), int(0, &force) + mt * int(1, &speed), -int(0, &|_| 1.0)];
+        (row, -(d * int(3, &speed) + body.j * int(2, &force)))
+    });
+}
+
+/// Slope of a quadratic fitted to 11 points around each sample; at the ends, to the nearest 11.
+pub fn slope(x: &[f64], period: f64) -> Vec<f64> {
+    const HALF: usize = 5;
+    let n = x.len();
+    if n < 2 * HALF + 1 {
+        return vec![0.0; n];
+    }
+    let square: f64 = (1..=HALF).map(|k| 2.0 * (k * k) as f64).sum();
+    (0..n)
+        .map(|i| {
+            let centre = i.clamp(HALF, n - 1 - HALF);
+            let first: f64 = (1..=HALF).map(|k| k as f64 * (x[centre + k] - x[centre - k])).sum::<f64>() / square;
+            // Second difference of the same quadratic, to leave the centre at the ends.
+            let offset = i as f64 - centre as f64;
+            let bend = if offset == 0.0 { 0.0 } else { curvature(&x[centre - HALF..=centre + HALF]) };
+            (first + 2.0 * bend * offset) / period
+        })
+        .collect()
+}
+
+/// Second-order coefficient of the quadratic fitted to an odd number of points about their middle.
+fn curvature(x: &[f64]) -> f64 {
+    let half = (x.len() / 2) as f64;
+    let n = x.len() as f64;
+    let s2: f64 = (0..x.len()).map(|i| (i as f64 - half).powi(2)).sum();
+    let s4: f64 = (0..x.len()).map(|i| (i as f64 - half).powi(4)).sum();
+    let sum: f64 = x.iter().sum();
+    let second: f64 = x.iter().enumerate().map(|(i, value)| (i as f64 - half).powi(2) * value).sum();
+    (n * second - s2 * sum) / (n * s4 - s2 * s2)
+}

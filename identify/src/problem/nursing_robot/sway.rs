@@ -1,0 +1,125 @@
+//! Simulation of the planar robot with a swaying person, and its refinement by output error.
+//!
+//! ```text
+//! [ Mt       b cos phi ] [ v'     ]   [ F - f M g tanh(v/v_s) + b (w^2 + phi'^2) sin phi           ]
+//! [ b cos phi        J ] [ phi''  ] = [ b g sin phi - k (phi - phi_0) - c phi' + J w^2 sin cos phi ]
+//! ```
+//!
+//! One Runge-Kutta step per sample, force between two samples their mean, yaw rate held.
+
+use super::rows::{Body, GRAVITY, Signals};
+use std::ops::Range;
+
+/// Hip and floor.
+#[derive(Clone, Copy, Debug)]
+pub struct Passive {
+    /// Stiffness, N.m/rad.
+    pub stiffness: f64,
+    /// Damping, N.m.s/rad.
+    pub damping: f64,
+    /// Rolling resistance.
+    pub rolling: f64,
+    /// Rest angle, rad.
+    pub rest: f64,
+}
+
+/// Speed, pitch and pitch rate.
+pub type State = [f64; 3];
+
+fn rate(body: &Body, passive: &Passive, x: &State, force: f64, yaw_rate: f64) -> State {
+    let [v, phi, phi_dot] = *x;
+    let (sin, cos) = phi.sin_cos();
+    let (mt, w2) = (body.effective_mass(), yaw_rate * yaw_rate);
+    let resist =
+        passive.rolling * body.total_mass() * GRAVITY * (v / body.smoothing_speed).tanh() + body.drag * v * v.abs();
+    let r1 = force - resist + body.b * (w2 + phi_dot * phi_dot) * sin;
+    if body.j == 0.0 {
+        return [r1 / mt, 0.0, 0.0];
+    }
+    let r2 = body.b * GRAVITY * sin - passive.stiffness * (phi - passive.rest) - passive.damping * phi_dot
+        + body.j * w2 * sin * cos;
+    let coupling = body.b * cos;
+    let det = mt * body.j - coupling * coupling;
+    [(body.j * r1 - coupling * r2) / det, phi_dot, (mt * r2 - coupling * r1) / det]
+}
+
+/// Simulates the samples of a range from a state at its first one; calls `each` with every sample
+/// and its state, the first included.
+pub fn simulate(
+    signals: &Signals,
+    range: Range<usize>,
+    body: &Body,
+    passive: &Passive,
+    start: State,
+    mut each: impl FnMut(usize, &State),
+) {
+    let h = signals.period;
+    let mut x = start;
+    each(range.start, &x);
+    for i in range.start + 1..range.end {
+        let force = 0.5 * body.efficiency * (signals.force[i - 1] + signals.force[i]);
+        let w = signals.yaw_rate[i];
+        let ahead = |k: &State, share: f64| [0, 1, 2].map(|j| x[j] + share * h * k[j]);
+        let k1 = rate(body, passive, &x, force, w);
+        let k2 = rate(body, passive, &ahead(&k1, 0.5), force, w);
+        let k3 = rate(body, passive, &ahead(&k2, 0.5), force, w);
+        let k4 = rate(body, passive, &ahead(&k3, 1.0), force, w);
+        x = [0, 1, 2].map(|j| x[j] + h / 6.0 * (k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j]));
+        each(i, &x);
+    }
+}
+
+/// Pitch of a person without tilt sensor, from the measured speed alone: the linear response
+/// `J phi'' + c phi' + (k - b g) (phi - rest') = -b v'` with the acceleration held between samples.
+/// Missing speeds count as unaccelerated.
+pub fn pitch_from_speed(signals: &Signals, body: &Body, passive: &Passive) -> Vec<f64> {
+    let h = signals.period;
+    let spring = passive.stiffness - body.b * GRAVITY;
+    if body.j == 0.0 || spring <= 0.0 {
+        return vec![0.0; signals.len()];
+    }
+    let (mut phi, mut phi_dot) = (0.0, 0.0);
+    let mut pitch = Vec::with_capacity(signals.len());
+    for (i, v) in signals.speed.iter().enumerate() {
+        if i > 0 {
+            let accel = (v - signals.speed[i - 1]) / h;
+            let accel = if accel.is_nan() { 0.0 } else { accel };
+            // The speed step acts as an impulse on the rate; the rest is a free, damped swing.
+            phi_dot -= body.b / body.j * accel * h;
+            let substeps = (h * (spring / body.j).sqrt() / 0.1).ceil().max(1.0);
+            let dt = h / substeps;
+            for _ in 0..substeps as usize {
+                let swing = -(passive.damping * phi_dot + spring * phi) / body.j;
+                phi_dot += dt * swing;
+                phi += dt * phi_dot;
+            }
+        }
+        pitch.push(phi);
+    }
+    pitch
+}
+
+/// Ranges of samples that can be simulated: no missing force, speed or yaw rate, at least `shortest`
+/// samples, cut into pieces of at most `longest`, at most `most` of them, spread over the log.
+pub fn segments(signals: &Signals, shortest: usize, longest: usize, most: usize) -> Vec<Range<usize>> {
+    let usable =
+        |i: usize| signals.force[i].is_finite() && signals.speed[i].is_finite() && signals.yaw_rate[i].is_finite();
+    let mut all = Vec::new();
+    let mut i = 0;
+    while i < signals.len() {
+        let start = i;
+        while i < signals.len() && usable(i) && i - start < longest {
+            i += 1;
+        }
+        if i - start >= shortest {
+            all.push(start..i);
+        }
+        if i == start {
+            i += 1;
+        }
+    }
+    if all.len() <= most {
+        return all;
+    }
+    (0..most).map(|k| all[k * all.len() / most].clone()).collect()
+}

@@ -1,0 +1,109 @@
+//! Prediction of the held-out part: drive force, pitch and roll moments, and the simulated pitch.
+
+use super::rows::{self, Body, Windows};
+use super::sway::{self, Passive};
+use super::{Windowed, passive, signals, use_accelerometer, windowed};
+use crate::problem::{Prediction, Task};
+use crate::report::Trace;
+
+pub(super) fn validate(task: &Task) -> Vec<Prediction> {
+    let Ok(mut logs) = windowed(task) else { return Vec::new() };
+    let body = signals::body(task.known);
+    let hip = passive(task.known);
+    let accelerometer =
+        (task.wants(super::ROBOT_MASS) || task.wants(super::HUMAN_MASS)) && use_accelerometer(task, &logs);
+    let mut all = Vec::new();
+    for (log, source) in logs.iter_mut().zip(task.logs) {
+        let measured_pitch = !log.signals.pitch.is_empty();
+        if measured_pitch && body.j > 0.0 && !task.wanted_of(&super::PITCH).is_empty() {
+            all.extend(moment("pitch moment", &source.source, log, &body, &hip, rows::pitch_row));
+            all.extend(simulated_pitch(&source.source, log, &body, &hip));
+        }
+        if !log.signals.roll.is_empty() && body.j > 0.0 && !task.wanted_of(&super::ROLL).is_empty() {
+            let get = |name: &str| task.known.get(name);
+            let side = Passive {
+                stiffness: get(super::ROLL[0]),
+                damping: get(super::ROLL[1]),
+                rest: get(super::ROLL[2]),
+                ..hip
+            };
+            all.extend(moment("roll moment", &source.source, log, &body, &side, rows::roll_row));
+        }
+        if !measured_pitch && body.j > 0.0 {
+            log.signals.pitch = sway::pitch_from_speed(&log.signals, &body, &hip);
+        }
+        all.extend(force(&source.source, log, &body, &hip, accelerometer));
+    }
+    all
+}
+
+fn trace(name: &str, unit: &str, log: &str) -> Trace {
+    Trace { name: name.to_owned(), unit: unit.to_owned(), log: log.to_owned(), ..Trace::default() }
+}
+
+fn prediction(trace: Trace, independent: usize) -> Option<Prediction> {
+    (trace.time.len() > 10).then_some(Prediction { trace, independent })
+}
+
+/// Window means of the drive force, measured and as the force balance predicts it, N.
+fn force(source: &str, log: &Windowed, body: &Body, hip: &Passive, accelerometer: bool) -> Option<Prediction> {
+    let windows = log.sway();
+    let mut trace = trace("drive force", "N", source);
+    for start in windows.starts() {
+        let l = rows::longitudinal(&windows, body, accelerometer, start);
+        let balance = body.total_mass() * (l.inertial + hip.rolling * l.rolling)
+            + body.human_mass * l.sway
+            + body.rotating_mass * l.speed_rate
+            + l.drag;
+        if (balance + l.force).is_finite() {
+            trace.time.push(windows.middle(start));
+            trace.measured.push(body.efficiency * l.force / l.one);
+            trace.predicted.push(balance / l.one);
+        }
+    }
+    prediction(trace, rows::OVERLAP)
+}
+
+/// Window means of the moment that spring and damper must give, N.m.
+fn moment(
+    name: &str,
+    source: &str,
+    log: &Windowed,
+    body: &Body,
+    joint: &Passive,
+    row: impl Fn(&Windows, &Body, usize) -> rows::JointRow,
+) -> Option<Prediction> {
+    let windows = log.sway();
+    let one = windows.bump.integral(0, 0, |_| 1.0);
+    let mut trace = trace(name, "N.m", source);
+    for start in windows.starts() {
+        let (a, needed) = row(&windows, body, start);
+        let given = joint.stiffness * a[0] + joint.damping * a[1] + joint.stiffness * joint.rest * a[2];
+        if (given + needed).is_finite() {
+            trace.time.push(windows.middle(start));
+            trace.measured.push(needed / one);
+            trace.predicted.push(given / one);
+        }
+    }
+    prediction(trace, rows::OVERLAP)
+}
+
+/// Pitch simulated open loop over pieces of 10 s from the logged force, against the measured one.
+fn simulated_pitch(source: &str, log: &Windowed, body: &Body, hip: &Passive) -> Option<Prediction> {
+    let signals = &log.signals;
+    let samples = |seconds: f64| (seconds / signals.period).round() as usize;
+    let mut trace = trace("tilt", "rad", source);
+    for range in sway::segments(signals, samples(4.0), samples(10.0), usize::MAX) {
+        let first = range.start;
+        let start = [signals.speed[first], signals.pitch[first], signals.pitch_rate[first]];
+        if start.iter().any(|value| value.is_nan()) {
+            continue;
+        }
+        sway::simulate(signals, range, body, hip, start, |i, x| {
+            trace.time.push(signals.start + signals.period * i as f64);
+            trace.measured.push(signals.pitch[i]);
+            trace.predicted.push(x[1]);
+        });
+    }
+    prediction(trace, 1)
+}
