@@ -254,6 +254,10 @@ impl MassEstimator {
         let verdict = state.rls.update(&self.rls, state.regressor, state.measurement, &disturbances, dt);
         if verdict == Verdict::Rejected {
             state.blocked_for = self.block_time;
+            // At a bound a rejection is no slip but the same contradiction, and it silences the updates.
+            if state.rls.at_bound(&self.rls) {
+                state.at_bound_for = (state.at_bound_for + self.block_time + dt).min(1e3);
+            }
             return MassStatus::Rejected;
         }
         self.watch_bound(state, dt);

@@ -93,10 +93,6 @@ impl Parameters {
         if self.robot.mass + self.limit.load_mass_low <= 0.0 {
             return refuse("limit.load_mass_low", "leaves no mass: it must be above -robot.mass".to_owned());
         }
-        let states = 4.0;
-        if self.sway.kappa <= -states {
-            return refuse("sway.kappa", "must be above -4".to_owned());
-        }
         Ok(())
     }
 }
@@ -175,6 +171,11 @@ impl NursingRobot {
     /// The mass estimator and its state, for those who want every number of the recursion.
     pub fn mass_filter(&self) -> (&MassEstimator, &MassState) {
         (&self.mass, &self.state.mass)
+    }
+
+    /// The sway filter and its state, unless nothing sways.
+    pub fn sway_filter(&self) -> Option<(&SwayEstimator, &SwayState)> {
+        self.sway.as_ref().zip(self.state.sway.as_ref())
     }
 
     fn step_sway(&mut self, sample: &Screened, dt: f64, status: &mut Status) {

@@ -1,0 +1,44 @@
+//! Runs the nursing robot's estimator over simulated logs.
+#![allow(dead_code, missing_docs)]
+
+use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Outputs, Parameters};
+use wheelstate::{Estimator, Variables};
+use wheelstate_identify::log::Log;
+use wheelstate_identify::simulate::Request;
+use wheelstate_identify::simulate::nursing_robot::{Run, run};
+
+pub const PERIOD: f64 = 0.01;
+
+pub fn simulated(scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Run {
+    let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
+    run(&Request { scenario: scenario.to_owned(), seed, settings }).expect("a scenario")
+}
+
+/// The inputs of every sample.
+pub fn inputs(log: &Log) -> Vec<Inputs> {
+    let names: Vec<String> = Inputs::declare().into_iter().map(|v| v.name).collect();
+    let channels: Vec<&[f64]> = names.iter().map(|name| log.channel(name).expect("all inputs")).collect();
+    let row = |i: usize| {
+        let mut inputs = Inputs::default();
+        inputs.read(&channels.iter().map(|channel| channel[i]).collect::<Vec<_>>());
+        inputs
+    };
+    (0..log.len()).map(row).collect()
+}
+
+/// Outputs at every sample of the log.
+pub fn estimates(log: &Log, parameters: &Parameters) -> Vec<Outputs> {
+    let mut estimator = NursingRobot::new(parameters).expect("valid parameters");
+    let mut outputs = Outputs::default();
+    let step = |inputs: &Inputs| {
+        estimator.step(inputs, parameters.sample_period);
+        estimator.outputs(inputs, 0.0, &mut outputs);
+        outputs.clone()
+    };
+    inputs(log).iter().map(step).collect()
+}
+
+pub fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, n) = values.fold((0.0, 0), |(sum, n), x| (sum + x * x, n + 1));
+    (sum / f64::from(n)).sqrt()
+}

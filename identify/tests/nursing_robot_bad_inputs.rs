@@ -1,0 +1,272 @@
+//! Every row of the specification's table of bad inputs: one 70 kg person, a smooth start of 8 s.
+#![allow(missing_docs)]
+
+mod drive;
+
+use drive::{PERIOD, inputs, rms, simulated};
+use nalgebra::SMatrix;
+use wheelstate::estimator::nursing_robot::sway::SwayBelief;
+use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Outputs};
+use wheelstate::{Estimator, Status, Variables};
+
+const MASS: f64 = 70.0;
+/// The speed command comes half a second after the start; until then the filter settles.
+const START: usize = 50;
+
+/// What a run gave.
+struct Outcome {
+    outputs: Vec<Outputs>,
+    /// Root mean square and largest error of the pitch, mrad.
+    pitch_rms: f64,
+    pitch_max: f64,
+}
+
+impl Outcome {
+    fn mass(&self) -> f64 {
+        self.end().load_mass
+    }
+
+    fn end(&self) -> &Outputs {
+        &self.outputs[self.outputs.len() - 1]
+    }
+
+    fn count(&self, status: Status) -> usize {
+        self.outputs.iter().filter(|o| o.status.contains(status)).count()
+    }
+}
+
+fn positive_definite<const N: usize>(covariance: &SMatrix<f64, N, N>) -> bool {
+    wheelstate::filter::sigma_points::cholesky(covariance).is_some()
+}
+
+/// Drives with spoilt samples. Row by row `spoil` may change the inputs and the step, or drop the row by
+/// answering false. Everything must stay finite and every covariance positive definite.
+fn drive(spoil: impl Fn(usize, &mut Inputs, &mut f64) -> bool) -> Outcome {
+    let run = simulated("smooth-start", 0, &[("plant.draw_patient", 0.0), ("human.nominal_mass", MASS)]);
+    let truth = run.log.channel("true_body_pitch").unwrap();
+    let mut estimator = NursingRobot::new(&run.assumed).unwrap();
+    let (mut outcome, mut errors, mut out) = (Vec::new(), Vec::new(), Outputs::default());
+    for (row, sample) in inputs(&run.log).iter().enumerate() {
+        let (mut sample, mut dt) = (sample.clone(), PERIOD);
+        if !spoil(row, &mut sample, &mut dt) {
+            continue;
+        }
+        estimator.step(&sample, dt);
+        for ahead in [0.0, 0.004] {
+            estimator.outputs(&sample, ahead, &mut out);
+            assert!(out.to_vec().iter().all(|x| x.is_finite()), "row {row}: {out:?}");
+        }
+        let definite = match estimator.sway_filter().unwrap().1.belief {
+            SwayBelief::Two(belief) => positive_definite(&belief.covariance),
+            SwayBelief::Three(belief) => positive_definite(&belief.covariance),
+            SwayBelief::Four(belief) => positive_definite(&belief.covariance),
+        };
+        assert!(definite, "row {row}: covariance not positive definite");
+        estimator.outputs(&sample, 0.0, &mut out);
+        if row >= START {
+            errors.push(1e3 * (out.body_pitch - truth[row]));
+        }
+        outcome.push(out.clone());
+    }
+    let pitch_max = errors.iter().fold(0.0f64, |max, e| max.max(e.abs()));
+    Outcome { outputs: outcome, pitch_rms: rms(errors.into_iter()), pitch_max }
+}
+
+#[track_caller]
+fn near(outcome: &Outcome, mass_percent: f64, pitch_mrad: f64) {
+    let error = (outcome.mass() / MASS - 1.0) * 100.0;
+    println!("mass {error:+.1} %, pitch {:.1} mrad rms, {:.0} max", outcome.pitch_rms, outcome.pitch_max);
+    assert!(error.abs() <= mass_percent, "mass off by {error} %");
+    assert!(outcome.pitch_rms <= pitch_mrad, "pitch off by {} mrad", outcome.pitch_rms);
+}
+
+/// The inputs contradict the parameters: the flags must say so.
+#[track_caller]
+fn flagged(outcome: &Outcome) {
+    let end = outcome.end();
+    println!("mass {:.1} kg, pitch {:.0} mrad rms", end.load_mass, outcome.pitch_rms);
+    assert!(end.mass_implausible && !end.healthy, "not flagged: {end:?}");
+    assert!(end.status.contains(Status::AT_BOUND));
+}
+
+#[test]
+fn nothing_wrong() {
+    let outcome = drive(|_, _, _| true);
+    near(&outcome, 2.0, 4.0);
+    assert!(outcome.end().healthy);
+    assert_eq!(outcome.count(Status::MISSING), 0);
+}
+
+#[test]
+fn zero_speed() {
+    let outcome = drive(|_, x, _| {
+        x.speed = 0.0;
+        true
+    });
+    let end = outcome.end();
+    assert!(!end.mass_valid && !end.healthy && end.load_mass == MASS && end.mass_status == 2);
+    assert!(end.status.contains(Status::STANDSTILL) && end.status.contains(Status::UNOBSERVABLE));
+    assert!(end.load_mass_std >= 10.0, "an unknown mass has a large standard deviation");
+}
+
+#[test]
+fn zero_torque_while_moving() {
+    flagged(&drive(|_, x, _| {
+        (x.torque_left, x.torque_right) = (0.0, 0.0);
+        true
+    }));
+}
+
+#[test]
+fn reversed_torque() {
+    flagged(&drive(|_, x, _| {
+        (x.torque_left, x.torque_right) = (-x.torque_left, -x.torque_right);
+        true
+    }));
+}
+
+#[test]
+fn reversed_speed() {
+    flagged(&drive(|_, x, _| {
+        x.speed = -x.speed;
+        true
+    }));
+}
+
+#[test]
+fn half_the_torque() {
+    flagged(&drive(|_, x, _| {
+        (x.torque_left, x.torque_right) = (0.5 * x.torque_left, 0.5 * x.torque_right);
+        true
+    }));
+}
+
+#[test]
+fn one_speed_missing() {
+    let outcome = drive(|row, x, _| {
+        x.speed = if row == 160 { f64::NAN } else { x.speed };
+        true
+    });
+    near(&outcome, 3.0, 4.0);
+    assert_eq!(outcome.count(Status::MISSING), 1);
+    let statuses: Vec<i32> = outcome.outputs.iter().map(|o| o.mass_status).collect();
+    assert_eq!(statuses.iter().filter(|&&s| s == 5).count(), 1);
+    assert!((39..=41).contains(&statuses.iter().filter(|&&s| s == 6).count()), "held for 0.4 s");
+}
+
+#[test]
+fn twenty_speeds_missing_in_the_ramp() {
+    let outcome = drive(|row, x, _| {
+        x.speed = if (150..170).contains(&row) { f64::NAN } else { x.speed };
+        true
+    });
+    near(&outcome, 8.0, 20.0);
+    assert_eq!(outcome.count(Status::MISSING), 20);
+}
+
+#[test]
+fn five_torques_missing() {
+    let outcome = drive(|row, x, _| {
+        x.torque_left = if (150..155).contains(&row) { f64::NAN } else { x.torque_left };
+        true
+    });
+    near(&outcome, 3.0, 5.0);
+    assert_eq!(outcome.count(Status::MISSING | Status::HELD_INPUT), 5);
+}
+
+#[test]
+fn five_samples_dropped() {
+    let outcome = drive(|row, _, dt| {
+        *dt = if row == 155 { 6.0 * PERIOD } else { PERIOD };
+        !(150..155).contains(&row)
+    });
+    near(&outcome, 4.0, 6.0);
+    assert_eq!(outcome.count(Status::BAD_STEP), 0, "a step of 0.06 s is bridged");
+}
+
+#[test]
+fn a_gap_restarts_the_filters_and_keeps_the_mass() {
+    for gap in [0.11, 10.0] {
+        let outcome = drive(|row, _, dt| {
+            *dt = if row == 170 { gap } else { PERIOD };
+            true
+        });
+        near(&outcome, 7.0, 25.0);
+        assert_eq!(outcome.count(Status::BAD_STEP | Status::RESTARTED), 1);
+        assert_eq!(outcome.outputs[170].load_mass, outcome.outputs[169].load_mass);
+        assert!(!outcome.outputs[170].healthy && outcome.outputs[175].healthy);
+        let statuses: Vec<i32> = outcome.outputs[170..200].iter().map(|o| o.mass_status).collect();
+        assert!(statuses[0] == 5 && statuses[1..].iter().all(|&s| s == 6), "{statuses:?}");
+    }
+}
+
+#[test]
+fn steps_that_are_none_change_nothing() {
+    let outcome = drive(|row, _, dt| {
+        *dt = match row {
+            150 => -0.01,
+            151 => 0.0,
+            152 => f64::NAN,
+            _ => PERIOD,
+        };
+        true
+    });
+    // Three samples of the ramp are lost, and the filters cannot know it.
+    near(&outcome, 9.0, 45.0);
+    assert_eq!(outcome.count(Status::BAD_STEP), 3);
+    let held: Vec<(f64, f64)> = outcome.outputs[149..153].iter().map(|o| (o.load_mass, o.body_pitch)).collect();
+    assert!(held.iter().all(|h| *h == held[0]), "{held:?}");
+}
+
+#[test]
+fn a_long_slip_is_rejected() {
+    let outcome = drive(|row, x, _| {
+        x.speed += if (180..200).contains(&row) { 0.5 } else { 0.0 };
+        true
+    });
+    near(&outcome, 6.0, 90.0);
+    assert!(outcome.count(Status::GATED) > 0);
+}
+
+/// A small slip looks like sway: documented as not detected, and bounded.
+#[test]
+fn a_small_slip_costs_some_accuracy() {
+    let outcome = drive(|row, x, _| {
+        x.speed += if (180..200).contains(&row) { 0.15 } else { 0.0 };
+        true
+    });
+    near(&outcome, 12.0, 60.0);
+}
+
+#[test]
+fn spikes_are_implausible() {
+    let outcome = drive(|row, x, _| {
+        x.speed = if row == 160 { 1e9 } else { x.speed };
+        x.torque_right = if row == 200 { -1e9 } else { x.torque_right };
+        true
+    });
+    near(&outcome, 3.0, 4.0);
+    assert_eq!(outcome.count(Status::IMPLAUSIBLE), 2);
+}
+
+#[test]
+fn infinite_is_missing_and_says_so() {
+    let outcome = drive(|row, x, _| {
+        x.speed = if row == 160 { f64::INFINITY } else { x.speed };
+        x.yaw_rate = if row == 200 { f64::NEG_INFINITY } else { x.yaw_rate };
+        true
+    });
+    near(&outcome, 3.0, 4.0);
+    assert_eq!(outcome.count(Status::INFINITE), 2);
+}
+
+/// A log without yaw rate: straight drive, and no alarm for it.
+#[test]
+fn absent_yaw_rate_raises_nothing() {
+    let outcome = drive(|_, x, _| {
+        x.yaw_rate = f64::NAN;
+        true
+    });
+    near(&outcome, 2.0, 4.0);
+    assert_eq!(outcome.count(Status::MISSING), 0);
+}
