@@ -119,7 +119,7 @@ impl Variable {
 /// A value or a group of values with a declaration, exchanged as a flat slice of `f64`.
 ///
 /// Written by [`variables!`](crate::variables) and [`choice!`](crate::choice).
-pub trait Variables: Clone {
+pub trait Variables: Clone + Send + Sync {
     /// Number of variables.
     const COUNT: usize;
     /// Appends the declarations, `prefix` being the groups around them (`"tire.front."` or empty).

@@ -36,6 +36,13 @@ impl Progress {
         bar.enable_steady_tick(Duration::from_millis(200));
     }
 
+    /// Changes what is shown beside the bar, as in `describe("tuning, best 1.23")`.
+    pub fn describe(&self, what: impl Into<String>) {
+        if let Some(bar) = &self.bar {
+            bar.set_message(what.into());
+        }
+    }
+
     /// `pieces` more are done.
     pub fn advance(&self, pieces: u64) {
         if let Some(bar) = &self.bar {

@@ -88,6 +88,8 @@ pub struct WheeledRobot {
     parameters: Parameters,
     model: Model,
     wheels: WheelObservers,
+    /// Rate of the lateral dynamics at the minimum speed, 1/s.
+    rate: f64,
     start: State,
     state: State,
 }
@@ -105,12 +107,24 @@ impl WheeledRobot {
     }
 
     fn advance(&self, x: &Motion, drive: &Drive, dt: f64) -> Motion {
-        let filter = &self.parameters.filter;
-        let integrator = match filter.integrator {
+        self.advance_in(x, drive, dt, self.substeps(x[0], dt))
+    }
+
+    fn advance_in(&self, x: &Motion, drive: &Drive, dt: f64, substeps: u32) -> Motion {
+        let integrator = match self.parameters.filter.integrator {
             Method::Euler => Integrator::Euler,
             Method::Rk4 => Integrator::Rk4,
         };
-        self.model.advance(x, drive, dt, integrator, filter.substeps as u32)
+        self.model.advance(x, drive, dt, integrator, substeps)
+    }
+
+    /// Steps of the integrator at a speed: what keeps it at half its limit of stability, but no more
+    /// than the parameter allows. The lateral dynamics slow down with speed.
+    fn substeps(&self, speed: f64, dt: f64) -> u32 {
+        let least = self.parameters.filter.minimum_speed;
+        let rate = self.rate * least / speed.abs().max(least);
+        (2.0 * rate * dt / stable(&self.parameters)).ceil().clamp(1.0, f64::from(self.parameters.filter.substeps))
+            as u32
     }
 
     fn speed_is_measured(&self) -> bool {
@@ -132,7 +146,8 @@ impl WheeledRobot {
         let process = Vector3::new(q.speed_x, q.speed_y, q.yaw_rate) * scale;
         if self.state.samples > 0 {
             for _ in 0..steps {
-                filter.predict(&process, |x| self.advance(&(*x).into(), &before, h).into());
+                let substeps = self.substeps(filter.state[0], h);
+                filter.predict(&process, |x| self.advance_in(&(*x).into(), &before, h, substeps).into());
             }
         }
 
@@ -281,10 +296,10 @@ impl Estimator for WheeledRobot {
             combined: p.tire.combined,
         };
         check_observer(p)?;
-        check_integrator(p, &model)?;
+        let rate = check_integrator(p, &model)?;
         let wheels = WheelObservers::new(p);
         let start = start(p, &model, &wheels);
-        Ok(Self { parameters: p.clone(), model, wheels, start: start.clone(), state: start })
+        Ok(Self { parameters: p.clone(), model, wheels, rate, start: start.clone(), state: start })
     }
 
     fn sample_period(&self) -> f64 {
@@ -420,8 +435,16 @@ fn check_observer(p: &Parameters) -> Result<(), ParameterError> {
     Ok(())
 }
 
-/// Explicit integration must not overshoot at the minimum speed, where the lateral dynamics are fastest.
-fn check_integrator(p: &Parameters, model: &Model) -> Result<(), ParameterError> {
+/// Largest product of rate and step that an integrator takes; Runge-Kutta is stable up to 2.78.
+fn stable(p: &Parameters) -> f64 {
+    match p.filter.integrator {
+        Method::Euler => 1.0,
+        Method::Rk4 => 2.5,
+    }
+}
+
+/// The rate of the lateral dynamics at the minimum speed, 1/s. Explicit integration must not overshoot at the minimum speed, where the lateral dynamics are fastest.
+fn check_integrator(p: &Parameters, model: &Model) -> Result<f64, ParameterError> {
     let weight = p.vehicle.mass * GRAVITY;
     let base = p.vehicle.cg_to_front + p.vehicle.cg_to_rear;
     let axle = |axle: &TireAxle, lever: f64| {
@@ -430,13 +453,10 @@ fn check_integrator(p: &Parameters, model: &Model) -> Result<(), ParameterError>
     };
     let (front, rear) = (axle(&p.tire.front, p.vehicle.cg_to_rear), axle(&p.tire.rear, p.vehicle.cg_to_front));
     let rate = lateral_rate(model, front, rear, p.filter.minimum_speed);
-    let limit = match p.filter.integrator {
-        Method::Euler => 1.0,
-        Method::Rk4 => 2.5,
-    };
+    let limit = stable(p);
     let needed = (rate * p.sample_period / limit).ceil();
     if f64::from(p.filter.substeps) >= needed {
-        return Ok(());
+        return Ok(rate);
     }
     let reason = format!(
         "is too few: the lateral dynamics at filter.minimum_speed = {} m/s have the rate {rate:.1} 1/s, so that with \

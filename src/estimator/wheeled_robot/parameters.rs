@@ -189,7 +189,7 @@ variables! {
         minimum_speed: f64 = 0.5, "m/s", [1e-3, 50.0];
         /// How the equations of motion are made discrete.
         integrator: Method = Method::Euler, "1";
-        /// Steps of the integrator per sample. Euler needs (lateral rate at the minimum speed) * sample_period <= substeps.
+        /// Most steps of the integrator per sample, fewer at higher speed. Euler needs (lateral rate at the minimum speed) * sample_period <= substeps.
         substeps: i32 = 3, "1", [1, 1000];
     }
 }

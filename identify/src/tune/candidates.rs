@@ -1,0 +1,89 @@
+//! Which parameters of a vehicle are noise settings, and what they can physically be.
+
+use crate::vehicle::Vehicle;
+use wheelstate::variable::Kind;
+use wheelstate::{Variable, Variables, estimator::wheeled_robot};
+
+/// Standard deviation of a steering angle that limits how well any model predicts, rad.
+const STEERING_STD: f64 = 0.003;
+/// Least share of a measurement's data-sheet noise (its start value).
+const MEASUREMENT_SHARE: f64 = 0.7;
+/// Least share of a process noise whose physics are not known here.
+const PROCESS_SHARE: f64 = 0.1;
+
+/// A noise setting.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// Place among the parameters.
+    pub index: usize,
+    /// Start value.
+    pub start: f64,
+    /// Search interval.
+    pub range: (f64, f64),
+}
+
+/// Whether a parameter is a noise setting by its name, and then whether it is of a measurement.
+fn noise(name: &str) -> Option<bool> {
+    if name.starts_with("filter.measurement") {
+        return Some(true);
+    }
+    if name.starts_with("filter.process") {
+        return Some(false);
+    }
+    let own = name.strip_prefix("sway.").filter(|own| !own.starts_with("start"))?;
+    let (of_measurement, of_process) = (own.ends_with("_std"), own.contains("noise"));
+    (of_measurement || of_process).then_some(of_measurement)
+}
+
+/// The noise settings of a vehicle with search intervals around their start values.
+///
+/// With `floors` no measurement is taken to be better than 0.7 of its start value and no model
+/// better than its known causes of error; without, the intervals reach two decades down.
+pub fn candidates(vehicle: Vehicle, base: &[f64], floors: bool, own_floors: &[(String, f64)]) -> Vec<Candidate> {
+    let declared = vehicle.parameters();
+    let physical = if floors { physical_floors(vehicle, base) } else { Vec::new() };
+    let find = |list: &[(String, f64)], variable: &Variable| {
+        list.iter().find(|(name, _)| *name == variable.name).map(|(_, value)| *value)
+    };
+    let usable = |(index, variable): (usize, &Variable)| {
+        let start = base[index];
+        let measurement = noise(&variable.name).filter(|_| variable.kind == Kind::Real && start > 0.0)?;
+        let square = if is_power(variable) { 2 } else { 1 };
+        let usual = if measurement { MEASUREMENT_SHARE } else { PROCESS_SHARE }.powi(square) * start;
+        let low = match find(own_floors, variable).or(find(&physical, variable)) {
+            Some(floor) => floor,
+            None if floors => usual,
+            None => 0.01f64.powi(square) * start,
+        };
+        let high = (10f64.powi(square) * start).max(10.0 * low).min(variable.range.1);
+        let low = low.max(variable.range.0).max(1e-12 * start).min(0.5 * high);
+        Some(Candidate { index, start: start.clamp(low, high), range: (low, high) })
+    };
+    declared.iter().enumerate().filter_map(usable).collect()
+}
+
+/// Whether a noise is given as a power (a variance rate), not as a standard deviation.
+fn is_power(variable: &Variable) -> bool {
+    !(variable.name.contains("_std"))
+}
+
+/// Floors of the process noise that follow from what is known of the machine.
+fn physical_floors(vehicle: Vehicle, base: &[f64]) -> Vec<(String, f64)> {
+    if vehicle != Vehicle::WheeledRobot {
+        return Vec::new();
+    }
+    // (2 sigma_F/m, Kf sigma_delta/m, lf Kf sigma_delta/Iz) dt, Kf of both front wheels
+    let mut p = wheeled_robot::Parameters::default();
+    p.read(base);
+    let (v, o, dt) = (&p.vehicle, &p.observer, p.sample_period);
+    let kappa = (o.gain + o.amplitude * o.width).min(1.9 / dt);
+    let force = p.wheel.inertia / p.wheel.radius * kappa * o.wheel_speed_std * (2.0 / (2.0 - kappa * dt)).sqrt();
+    let stiffness = 2.0 * p.tire.front.stiffness;
+    [
+        ("filter.process_std.speed_x", 2.0 * force / v.mass),
+        ("filter.process_std.speed_y", stiffness * STEERING_STD / v.mass),
+        ("filter.process_std.yaw_rate", v.cg_to_front * stiffness * STEERING_STD / v.yaw_inertia),
+    ]
+    .map(|(name, rate)| (name.to_owned(), rate * dt))
+    .to_vec()
+}
