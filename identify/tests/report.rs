@@ -176,3 +176,22 @@ fn degenerate_traces_can_be_drawn() {
     let page = report::html(&FitReport { traces, ..sample() }).unwrap();
     assert!(page.contains("</html>"));
 }
+
+#[test]
+fn true_values_of_the_logs_stand_beside_the_estimates() {
+    let log = |mass: f64, drifting: f64| {
+        let mut log = wheelstate_identify::log::Log { time: vec![0.0, 1.0], ..Default::default() };
+        log.push("true_human.stiffness_pitch", vec![mass; 2]);
+        log.push("true_rolling.coefficient", vec![0.01, drifting]);
+        log
+    };
+    let mut report = sample();
+    report.refer_to(&[log(411.0, 0.01), log(411.0, 0.02)]);
+    assert_eq!(report.references.get("human.stiffness_pitch"), Some(&411.0));
+    assert_eq!(report.references.len(), 1, "what changes during a log is no reference");
+    assert!(report::table(&report).contains("truth"));
+    let mut other = sample();
+    other.refer_to(&[log(411.0, 0.01), log(412.0, 0.01)]);
+    assert!(!other.references.contains_key("human.stiffness_pitch"), "two truths are none");
+    assert!(!report::table(&sample()).contains("truth"));
+}

@@ -71,7 +71,9 @@ pub(super) fn run(args: &FitArgs) -> Result<Outcome, Refusal> {
     }
     let result = problem::fit(args.vehicle, &logs, &request, &progress);
     progress.finish();
-    deliver(&result?, args.out.as_deref(), args.ssv.as_deref(), args.report.as_deref())
+    let mut result = result?;
+    result.refer_to(&logs);
+    deliver(&result, args.out.as_deref(), args.ssv.as_deref(), args.report.as_deref())
 }
 
 /// Writes the result's files and prints its table.

@@ -1,5 +1,6 @@
 //! The result of a fit or of a tuning: what `fit.json` and `tune.json` hold.
 
+use crate::log::Log;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -46,6 +47,9 @@ pub struct FitReport {
     /// Known values that the fit relied on (`--set`, `--params`), by their FMU names.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub settings: BTreeMap<String, f64>,
+    /// True values of the parameters, where the logs carry them as constant channels `true_<name>`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub references: BTreeMap<String, f64>,
     /// Measured and predicted signals of the held-out part, for the HTML report only.
     #[serde(skip)]
     pub traces: Vec<Trace>,
@@ -202,6 +206,25 @@ impl FitReport {
     /// Parameters that may be used as start values of an estimator.
     pub fn identified(&self) -> impl Iterator<Item = (&str, &Parameter)> {
         self.parameters.iter().filter(|(_, p)| p.identified).map(|(name, p)| (name.as_str(), p))
+    }
+
+    /// Takes over true values of the fitted parameters from channels `true_<name>`, if they are
+    /// constant and the same in all logs.
+    pub fn refer_to(&mut self, logs: &[Log]) {
+        for name in self.parameters.keys() {
+            let channel = format!("true_{name}");
+            let constant = |log: &Log| {
+                let values = log.channel(&channel)?;
+                let first = *values.first().filter(|value| value.is_finite())?;
+                values.iter().all(|value| *value == first).then_some(first)
+            };
+            let values: Option<Vec<f64>> = logs.iter().map(constant).collect();
+            if let Some([first, rest @ ..]) = values.as_deref()
+                && rest.iter().all(|value| value == first)
+            {
+                self.references.insert(name.clone(), *first);
+            }
+        }
     }
 
     /// The file's text, ending in a new line.

@@ -4,9 +4,12 @@ use super::plot::{self, PlotError};
 use super::table::{self, significant};
 use super::{FitReport, Trace};
 use askama::Template;
+use std::ops::Range;
 
 /// Predicted signals that are drawn at most.
 const DRAWN: usize = 12;
+/// Samples in the enlarged part of a long signal.
+const PART: usize = 800;
 
 /// Why there is no page.
 #[derive(Debug, thiserror::Error)]
@@ -41,6 +44,7 @@ struct ParameterRow {
     unit: String,
     interval: String,
     t: String,
+    truth: String,
     verdict: &'static str,
     class: String,
 }
@@ -57,6 +61,8 @@ struct SignalRow {
 struct TracePlots {
     title: String,
     signal: String,
+    /// A part of a long signal, large enough to see its shape.
+    part: Option<String>,
     histogram: String,
     autocorrelation: String,
 }
@@ -64,9 +70,9 @@ struct TracePlots {
 /// The page's text.
 pub fn html(report: &FitReport) -> Result<String, HtmlError> {
     let rows = report.parameters.iter().map(|(name, parameter)| {
-        let [name, value, unit, interval, t, _] = table::row(name, parameter);
+        let [name, value, unit, interval, t, truth, _] = table::row(name, parameter, report.references.get(name));
         let verdict = parameter.verdict.words();
-        ParameterRow { name, value, unit, interval, t, verdict, class: verdict.replace(' ', "-") }
+        ParameterRow { name, value, unit, interval, t, truth, verdict, class: verdict.replace(' ', "-") }
     });
     let percent = |value: f64| if value.is_finite() { format!("{value:.1} %") } else { "-".to_owned() };
     let signals = report.validation.signals.iter().map(|signal| SignalRow {
@@ -104,11 +110,30 @@ fn order(traces: &[Trace]) -> Vec<&Trace> {
     indices.into_iter().map(|index| &traces[index]).filter(|trace| trace.time.len() > 1).collect()
 }
 
+/// The stretch of a long trace in which the measured signal moves most.
+fn liveliest(trace: &Trace) -> Option<Range<usize>> {
+    if trace.time.len() < 4 * PART {
+        return None;
+    }
+    let power = |part: &Range<usize>| {
+        let values = || trace.measured[part.clone()].iter().copied().filter(|value| value.is_finite());
+        let count = values().count();
+        if count < PART / 2 {
+            return f64::NEG_INFINITY;
+        }
+        let mean = values().sum::<f64>() / count as f64;
+        values().map(|value| (value - mean).powi(2)).sum::<f64>() / count as f64
+    };
+    let parts = (0..trace.time.len() / PART).map(|k| k * PART..(k + 1) * PART);
+    parts.max_by(|a, b| power(a).total_cmp(&power(b)))
+}
+
 fn draw(trace: &Trace) -> Result<TracePlots, PlotError> {
     let residual: Vec<f64> = trace.measured.iter().zip(&trace.predicted).map(|(m, p)| m - p).collect();
     Ok(TracePlots {
         title: format!("{}, {}", trace.name, trace.log),
-        signal: plot::signal(trace)?,
+        signal: plot::signal(trace, 0..trace.time.len())?,
+        part: liveliest(trace).map(|part| plot::signal(trace, part)).transpose()?,
         histogram: plot::histogram(&residual, &trace.unit)?,
         autocorrelation: plot::autocorrelation(&residual)?,
     })

@@ -3,6 +3,7 @@
 use super::{FitReport, Trace, Verdict};
 use plotters::coord::Shift;
 use plotters::prelude::*;
+use std::ops::Range;
 
 const INK: RGBColor = RGBColor(0x1d, 0x27, 0x33);
 const GREY: RGBColor = RGBColor(0x8f, 0x9b, 0xaa);
@@ -42,15 +43,17 @@ fn drawn(size: (u32, u32), draw: impl FnOnce(&Area) -> Result<(), PlotError>) ->
     Ok(text.replacen(&format!("width=\"{}\" height=\"{}\" ", size.0, size.1), "", 1))
 }
 
-/// Measured and predicted values over time.
-pub fn signal(trace: &Trace) -> Result<String, PlotError> {
+/// Measured and predicted values over time, in a part of the trace that is not empty.
+pub fn signal(trace: &Trace, part: Range<usize>) -> Result<String, PlotError> {
     let unit = unit_words(&trace.unit);
+    let time = &trace.time[part.clone()];
+    let (measured, predicted) = (&trace.measured[part.clone()], &trace.predicted[part]);
     drawn((860, 250), |area| {
-        let both = trace.measured.iter().chain(&trace.predicted).copied();
+        let both = measured.iter().chain(predicted).copied();
         let (low, high) = range(both, 0.05);
         // Room for the legend.
         let high = high + 0.2 * (high - low);
-        let (start, end) = (trace.time[0], trace.time[trace.time.len() - 1]);
+        let (start, end) = (time[0], time[time.len() - 1]);
         let mut chart = ChartBuilder::on(area)
             .margin(8)
             .margin_right(16)
@@ -70,11 +73,9 @@ pub fn signal(trace: &Trace) -> Result<String, PlotError> {
             .x_desc("time, s")
             .y_desc(unit)
             .draw()?;
-        for (values, colour, width, name) in
-            [(&trace.measured, GREY, 2, "measured"), (&trace.predicted, BLUE, 1, "predicted")]
-        {
+        for (values, colour, width, name) in [(measured, GREY, 2, "measured"), (predicted, BLUE, 1, "predicted")] {
             let mut label = Some(name);
-            for run in runs(&trace.time, values) {
+            for run in runs(time, values) {
                 let series = chart.draw_series(LineSeries::new(run, colour.stroke_width(width)))?;
                 if let Some(name) = label.take() {
                     series
@@ -262,12 +263,20 @@ fn range(values: impl Iterator<Item = f64>, room: f64) -> (f64, f64) {
     (middle - half, middle + half)
 }
 
-/// The parts of a line between missing samples. A long line keeps the lowest and the highest value
+/// The parts of a line between missing samples and gaps in time. A long line keeps the lowest and the highest value
 /// of every stretch, so that no spike is lost.
 fn runs(time: &[f64], values: &[f64]) -> Vec<Vec<(f64, f64)>> {
     let stretch = values.len().div_ceil(POINTS / 2).max(1);
+    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let middle = steps.len() / 2;
+    let usual = if steps.is_empty() { 0.0 } else { *steps.select_nth_unstable_by(middle, f64::total_cmp).1 };
     let mut runs = vec![Vec::new()];
+    let mut last = f64::NEG_INFINITY;
     for (times, values) in time.chunks(stretch).zip(values.chunks(stretch)) {
+        if times[0] - last > 5.0 * usual {
+            runs.push(Vec::new());
+        }
+        last = times[times.len() - 1];
         let points = || times.iter().copied().zip(values.iter().copied()).filter(|(_, value)| value.is_finite());
         let low = points().min_by(|a, b| a.1.total_cmp(&b.1));
         let high = points().max_by(|a, b| a.1.total_cmp(&b.1));

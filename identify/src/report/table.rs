@@ -43,26 +43,32 @@ pub fn start_values(report: &FitReport) -> Option<String> {
 }
 
 fn parameters(report: &FitReport, text: &mut String) {
-    let head = ["parameter", "value", "unit", "95 % interval", "t", "verdict"].map(str::to_owned);
-    let rows = report.parameters.iter().map(|(name, p)| row(name, p));
-    let rows: Vec<[String; 6]> = std::iter::once(head).chain(rows).collect();
+    let head = ["parameter", "value", "unit", "95 % interval", "t", "truth", "verdict"].map(str::to_owned);
+    let rows = report.parameters.iter().map(|(name, p)| row(name, p, report.references.get(name)));
+    let rows: Vec<[String; 7]> = std::iter::once(head).chain(rows).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-    let widths: [usize; 6] = std::array::from_fn(width);
+    let widths: [usize; 7] = std::array::from_fn(width);
     for row in &rows {
         let mut line = String::new();
         for (column, cell) in row.iter().enumerate() {
+            if column == TRUTH && report.references.is_empty() {
+                continue;
+            }
             let fill = " ".repeat(widths[column] - cell.chars().count());
             // Numbers end at the same column, words begin at the same column.
             let (before, after) =
-                if matches!(column, 1 | 3 | 4) { (fill, String::new()) } else { (String::new(), fill) };
+                if matches!(column, 1 | 3 | 4 | TRUTH) { (fill, String::new()) } else { (String::new(), fill) };
             let _ = write!(line, "{before}{cell}{after}  ");
         }
         let _ = writeln!(text, "{}", line.trim_end());
     }
 }
 
-/// Name, value, unit, interval, t-ratio and verdict of a parameter.
-pub(super) fn row(name: &str, p: &Parameter) -> [String; 6] {
+/// Column of the true values, left out if there are none.
+const TRUTH: usize = 5;
+
+/// Name, value, unit, interval, t-ratio, true value and verdict of a parameter.
+pub(super) fn row(name: &str, p: &Parameter, truth: Option<&f64>) -> [String; 7] {
     let decimals = decimals(p);
     let interval = if p.ci95.iter().all(|end| end.is_finite()) {
         format!("[{}, {}]", number(p.ci95[0], decimals), number(p.ci95[1], decimals))
@@ -76,7 +82,8 @@ pub(super) fn row(name: &str, p: &Parameter) -> [String; 6] {
         t => format!("{t:.0}"),
     };
     let unit = if p.unit == "1" { "" } else { &p.unit };
-    [name.to_owned(), number(p.value, decimals), unit.to_owned(), interval, t, p.verdict.words().to_owned()]
+    let truth = truth.map_or(String::new(), |truth| number(*truth, decimals));
+    [name.to_owned(), number(p.value, decimals), unit.to_owned(), interval, t, truth, p.verdict.words().to_owned()]
 }
 
 fn quality(report: &FitReport, text: &mut String) {
