@@ -123,6 +123,26 @@ fn rank_deficient_blocks_give_zero_pivots_and_stay_finite() {
     assert_eq!(tria(SMatrix::<f64, 4, 2>::zeros()), SMatrix::<f64, 4, 4>::zeros());
 }
 
+/// Correlations that fade by the same factor at every step reach the smallest numbers there are.
+#[test]
+fn fading_correlations_underflow_without_harm() {
+    let mut s = M6::identity() * 0.3;
+    s[(3, 0)] = 0.1;
+    s[(5, 2)] = -0.1;
+    let v = SMatrix::<f64, 3, 3>::identity() * 0.05;
+    for _ in 0..5000 {
+        absorb_diagonal(&mut s, &SVector::<f64, 6>::from([0.05, 0.2, 0.2, 0.0, 0.0, 0.0]));
+        let hs: SMatrix<f64, 3, 6> = s.fixed_rows::<3>(0).into_owned();
+        let mut gain = array(&s, &hs, &v).gain();
+        gain.fixed_rows_mut::<3>(3).fill(0.0);
+        s = joseph(&s, &hs, &v, &gain);
+        assert!(s.iter().all(|x| x.is_finite()));
+    }
+    assert_close("protected std", std_of(&s, 3), 0.1f64.hypot(0.3), 1e-10, 0.0);
+    let tiny = SMatrix::<f64, 2, 3>::from_element(1e-200);
+    assert!(tria(tiny).iter().all(|x| x.is_finite()));
+}
+
 proptest! {
     #[test]
     fn tria_is_the_cholesky_factor_of_the_product(elements in prop::collection::vec(-10.0..10.0f64, 4 * 9)) {

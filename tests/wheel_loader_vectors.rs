@@ -33,13 +33,21 @@ fn parameters(start: [f64; 3], std: [f64; 3]) -> Parameters {
     p.start.slip_stiffness_std = std[0] * slope(start[0], 2.0, 80.0);
     p.start.cg_height_std = std[1] * slope(start[1], 0.3, 2.5);
     p.start.cg_ratio_std = std[2] * slope(start[2], 0.1, 0.9);
+    as_in_the_study(&mut p);
     p
+}
+
+/// Switches off what this estimator does beyond the study.
+fn as_in_the_study(p: &mut Parameters) {
+    p.filter.radii = Radii::Fixed;
+    (p.filter.measurement_std.speed, p.filter.measurement_std.wheel_speed) = (0.03, 0.05);
+    p.filter.adaptation.enabled = false;
+    p.hold.settle_time = 0.0;
 }
 
 fn vector_parameters() -> Parameters {
     let mut p = parameters([14.0, 1.05, 0.52], [0.8, 0.35, 0.5]);
     p.filter.interpolate_inputs = false;
-    p.filter.radii = Radii::Fixed;
     p
 }
 
@@ -158,7 +166,6 @@ fn plant_logs_replay() {
         let mut p = parameters([15.0, 1.05, 0.5], [0.8, 0.35, 0.5]);
         p.loader.wheel_radius_front = 0.55 * (1.0 + 0.03 / 19.0);
         p.loader.wheel_radius_rear = p.loader.wheel_radius_front;
-        p.filter.radii = Radii::Fixed;
         let mut estimator = WheelLoader::new(&p).unwrap();
         let mut out = Outputs::default();
         let mut worst: f64 = 0.0;

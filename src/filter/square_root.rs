@@ -46,10 +46,10 @@ pub fn absorb_diagonal<const N: usize>(factor: &mut SMatrix<f64, N, N>, std: &SV
 fn rotate_in_from<const N: usize>(factor: &mut SMatrix<f64, N, N>, column: &mut SVector<f64, N>, from: usize) {
     for i in from..N {
         let (diagonal, off) = (factor[(i, i)], column[i]);
-        if off == 0.0 {
+        if off.abs() <= 1e-20 * diagonal.abs() || off.abs() < SMALLEST {
             continue;
         }
-        let length = diagonal.hypot(off);
+        let length = (diagonal * diagonal + off * off).sqrt();
         let (c, s) = (diagonal / length, off / length);
         for row in i..N {
             let (a, b) = (factor[(row, i)], column[row]);
@@ -59,11 +59,16 @@ fn rotate_in_from<const N: usize>(factor: &mut SMatrix<f64, N, N>, column: &mut 
     }
 }
 
+/// Elements below this are no variance at all: their squares would underflow.
+const SMALLEST: f64 = 1e-140;
+
 /// Triangularises `[L | B]` row by row with Householder reflections and applies them to the rows
 /// `[left | right]` that stand below. On return `B` is zero.
 ///
 /// The reflection of row `i` touches only column `i` of `L` and all columns of `B`, because the rest
-/// of that row of `L` is zero already.
+/// of that row of `L` is zero already. A row of `B` that is 1e-20 of its diagonal element carries
+/// nothing in double precision and is dropped: correlations that fade away step by step would
+/// otherwise underflow in the reflection's scale.
 fn absorb_carrying<const N: usize, const M: usize, const K: usize>(
     factor: &mut SMatrix<f64, N, N>,
     block: &mut SMatrix<f64, N, M>,
@@ -72,13 +77,15 @@ fn absorb_carrying<const N: usize, const M: usize, const K: usize>(
 ) {
     for i in 0..N {
         let mut row = [0.0; M];
-        let mut square = 0.0;
+        let (mut square, mut size) = (0.0, 0.0_f64);
         for (j, element) in row.iter_mut().enumerate() {
             *element = block[(i, j)];
+            block[(i, j)] = 0.0;
             square += *element * *element;
+            size = size.max(element.abs());
         }
         let diagonal = factor[(i, i)];
-        if square == 0.0 {
+        if size <= 1e-20 * diagonal.abs() || size < SMALLEST {
             if diagonal < 0.0 {
                 for k in i..N {
                     factor[(k, i)] = -factor[(k, i)];
@@ -95,9 +102,6 @@ fn absorb_carrying<const N: usize, const M: usize, const K: usize>(
         let head = if diagonal > 0.0 { -square / (diagonal + length) } else { diagonal - length };
         let scale = 2.0 / (head * head + square);
         factor[(i, i)] = length;
-        for j in 0..M {
-            block[(i, j)] = 0.0;
-        }
 
         let mut dot = [0.0; N];
         for (k, sum) in dot.iter_mut().enumerate().skip(i + 1) {

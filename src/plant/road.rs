@@ -45,17 +45,19 @@ impl Road {
                 (averaged, std::f64::consts::TAU * n, *phase)
             })
             .collect();
-        let spacing = 0.02;
+        let spacing = 0.05;
         let count = ((length.max(1.0) + MARGIN) / spacing).ceil() as usize + 2;
-        let points = (0..count)
-            .map(|k| {
-                let x = k as f64 * spacing - MARGIN;
-                harmonics.iter().fold((0.0, 0.0), |(elevation, slope), (amplitude, wave, phase)| {
-                    let (sin, cos) = (wave * x + phase).sin_cos();
-                    (elevation + amplitude * sin, slope + amplitude * wave * cos)
-                })
-            })
-            .collect();
+        let mut points = vec![(0.0, 0.0); count];
+        for (amplitude, wave, phase) in harmonics {
+            // Each harmonic walks along the road by rotation instead of a sine per point.
+            let (mut sin, mut cos) = (phase - wave * MARGIN).sin_cos();
+            let (turn_sin, turn_cos) = (wave * spacing).sin_cos();
+            for (elevation, slope) in &mut points {
+                *elevation += amplitude * sin;
+                *slope += amplitude * wave * cos;
+                (sin, cos) = (sin * turn_cos + cos * turn_sin, cos * turn_cos - sin * turn_sin);
+            }
+        }
         Self { spacing, points }
     }
 

@@ -3,6 +3,7 @@
 //! One file per vehicle, each with its list of scenarios and one function that runs one of them.
 
 pub mod nursing_robot;
+mod wheel_loader;
 mod wheeled_robot;
 
 use crate::log::Log;
@@ -49,6 +50,7 @@ pub fn scenarios(vehicle: Vehicle) -> &'static [Scenario] {
     match vehicle {
         Vehicle::NursingRobot => nursing_robot::SCENARIOS,
         Vehicle::WheeledRobot => wheeled_robot::SCENARIOS,
+        Vehicle::WheelLoader => wheel_loader::SCENARIOS,
         _ => &[],
     }
 }
@@ -58,6 +60,7 @@ pub fn simulate(vehicle: Vehicle, request: &Request) -> Result<Log, SimulateErro
     match vehicle {
         Vehicle::NursingRobot => nursing_robot::simulate(request),
         Vehicle::WheeledRobot => wheeled_robot::simulate(request),
+        Vehicle::WheelLoader => wheel_loader::run(request),
         _ => Err(SimulateError::UnknownScenario {
             asked: request.scenario.clone(),
             known: scenarios(vehicle).iter().map(|s| s.name).collect::<Vec<_>>().join(", "),

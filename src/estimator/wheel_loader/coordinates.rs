@@ -47,14 +47,17 @@ impl Map {
 
     /// `d p / d theta`, the factor from standard deviations of `theta` to those of the unknowns.
     pub fn slope(&self, theta: &Vector3<f64>) -> Vector3<f64> {
+        Vector3::from_fn(|i, _| self.slope_of(i, theta[i]))
+    }
+
+    /// The slope of one unknown.
+    pub fn slope_of(&self, i: usize, theta: f64) -> f64 {
         if self.direct {
-            return Vector3::repeat(1.0);
+            return 1.0;
         }
-        Vector3::from_fn(|i, _| {
-            let e = (-theta[i]).exp();
-            let slope = (HIGH[i] - LOW[i]) * e / ((1.0 + e) * (1.0 + e));
-            if slope.is_finite() { slope } else { 0.0 }
-        })
+        let e = (-theta).exp();
+        let slope = (HIGH[i] - LOW[i]) * e / ((1.0 + e) * (1.0 + e));
+        if slope.is_finite() { slope } else { 0.0 }
     }
 
     /// Puts direct coordinates back into their limits.

@@ -2,8 +2,8 @@
 //! extended by relative errors of the two rolling radii where these are estimated.
 
 use super::coordinates::{Map, unknowns};
-use super::parameters::{Form, Kind, Parameters, Radii};
-use super::supervision::Supervision;
+use super::parameters::{Adaptation, Form, Kind, Parameters, Radii};
+use super::supervision::{Fading, Supervision};
 use crate::filter::square_root::{absorb_diagonal, andrews, array, joseph, std_of};
 use crate::filter::srukf::{Gaussian, Spread, SpreadError, predict_linearised};
 use crate::model::wheel_loader::{Drive, Loader, Motion, Unknowns};
@@ -40,7 +40,13 @@ pub struct Engine {
     measurement: Vector3<f64>,
     minimum: Vector3<f64>,
     maximum: SVector<f64, 6>,
+    adaptation: Adaptation,
+    fading: Fading,
     start: Belief,
+    /// The largest slip stiffness that the start values leave room for.
+    pub largest_stiffness: f64,
+    /// Standard deviation of the height before the first sample, m.
+    pub start_height_std: f64,
 }
 
 /// What happened in one sample.
@@ -59,7 +65,6 @@ impl Engine {
     pub fn new(p: &Parameters) -> Result<Self, SpreadError> {
         let filter = &p.filter;
         let radii = filter.radii == Radii::Estimated;
-        let n = if radii { STATES } else { 6 };
         let map = Map::new(filter.parameters, &p.start);
         let theta = map.coordinates(&unknowns(&p.start));
         let slope = map.slope(&theta);
@@ -86,7 +91,8 @@ impl Engine {
             radii,
             kind: filter.kind,
             form: filter.form,
-            spread: Spread::new(n, filter.alpha, filter.beta, filter.kappa)?,
+            // With radii the sigma points stay as far out as without: one tuning for both.
+            spread: Spread::new(6, filter.alpha, filter.beta, filter.kappa)?,
             substeps: filter.substeps.max(1) as u32,
             supervise: filter.supervise,
             gate: filter.gate,
@@ -115,7 +121,11 @@ impl Engine {
                 high.cg_height * unit[1],
                 high.cg_ratio * unit[2],
             ]),
+            adaptation: filter.adaptation.clone(),
+            fading: Fading::new(&filter.adaptation, p.sample_period),
             start: Gaussian::independent(mean, &SVector::from(std)),
+            largest_stiffness: map.largest_stiffness(theta[0], 3.0 * std[3]),
+            start_height_std: p.start.cg_height_std,
         })
     }
 
@@ -197,13 +207,14 @@ impl Engine {
         let mut noise = SMatrix::<f64, 3, 3>::identity();
         let mut outcome = Outcome::default();
         let mut used = 0;
+        let measurement = self.measurement(&predicted, y, dt, supervision);
         let mut protect = held;
         for i in 0..3 {
             if !y[i].is_finite() {
                 continue;
             }
             let innovation = y[i] - predicted.mean[i];
-            let deviation = std_of(&predicted.factor, i).hypot(self.measurement[i]);
+            let deviation = std_of(&predicted.factor, i).hypot(measurement[i]);
             if self.supervise && innovation.abs() > self.gate * deviation {
                 supervision.masked[i] = supervision.masked[i].saturating_add(1);
                 if supervision.masked[i] <= self.gate_samples {
@@ -217,7 +228,7 @@ impl Engine {
             }
             used += 1;
             nu[i] = innovation;
-            noise[(i, i)] = self.measurement[i];
+            noise[(i, i)] = measurement[i];
             for j in 0..=i {
                 hs[(i, j)] = predicted.factor[(i, j)];
             }
@@ -244,6 +255,44 @@ impl Engine {
         }
         self.limit(&mut posterior);
         (posterior, outcome)
+    }
+
+    /// Standard deviations of the measurements, raised where the slip innovations of the last second
+    /// show more noise, or slower noise, than the settings expect: tyres that bounce.
+    fn measurement<const N: usize>(
+        &self,
+        predicted: &Gaussian<N>,
+        y: &[f64; 3],
+        dt: f64,
+        supervision: &mut Supervision,
+    ) -> Vector3<f64> {
+        let mut std = self.measurement;
+        if !self.supervise || !self.adaptation.enabled {
+            return std;
+        }
+        let fading = if dt == self.fading.dt { self.fading } else { Fading::new(&self.adaptation, dt) };
+        let mut common: f64 = 1.0;
+        for i in 0..2 {
+            let r = self.loader.wheel_radius[i];
+            let e = r * (y[i + 1] - predicted.mean[i + 1]) - (y[0] - predicted.mean[0]);
+            if !e.is_finite() {
+                continue;
+            }
+            let sensors = (r * std[i + 1]).powi(2) + self.measurement[0].powi(2);
+            let mut belief = 0.0;
+            for j in 0..=i + 1 {
+                belief += (r * predicted.factor[(i + 1, j)] - predicted.factor[(0, j)]).powi(2);
+            }
+            let roughness = &mut supervision.roughness[i];
+            roughness.take(e, sensors, belief, &self.adaptation, &fading);
+            let mut ratio = roughness.ratio(&self.adaptation);
+            let size = e.abs() / (self.adaptation.huber * (sensors * ratio * ratio + belief).sqrt());
+            ratio *= size.max(1.0);
+            std[i + 1] *= ratio;
+            common = common.max(ratio);
+        }
+        std[0] *= common;
+        std
     }
 
     /// Time update while nothing is learnt: the motion walks, the unknowns keep mean and covariance.

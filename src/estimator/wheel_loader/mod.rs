@@ -177,12 +177,11 @@ impl WheelLoader {
         let machine = self.engine.corrected([mean[6], mean[7]]);
         let supervision = &mut self.state.supervision;
         if supervise {
-            let reasons = supervision.decide(&self.parameters.hold, &machine, y, &motion);
+            let reasons = supervision.decide(&self.parameters.hold, &machine, y, &motion, dt);
             status.raise_if(reasons.standstill, Status::STANDSTILL);
             status.raise_if(reasons.spin, Status::SLIP);
             if !reasons.standstill && !reasons.spin {
-                let start = self.engine.start();
-                let largest = self.engine.map.largest_stiffness(start.mean[3], 3.0 * start.factor[(3, 3)]);
+                let largest = self.engine.largest_stiffness;
                 let raised = supervision.evidence.take(&machine, drive, y, self.parameters.start.cg_ratio, largest, dt);
                 if raised {
                     // What was learnt from contradictory data is forgotten.

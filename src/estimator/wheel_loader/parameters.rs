@@ -20,7 +20,7 @@ choice! {
 
 choice! {
     /// Whether the rolling radii are taken as they are or corrected online.
-    pub enum Radii { Fixed = "fixed", Estimated = "estimated" }
+    pub enum Radii { Estimated = "estimated", Fixed = "fixed" }
 }
 
 variables! {
@@ -82,8 +82,8 @@ variables! {
         cg_ratio: f64 = 0.45, "1", [0.101, 0.899];
         /// Standard deviation of the centre of gravity's ratio.
         cg_ratio_std: f64 = 0.1, "1", [1e-6, 0.5];
-        /// Relative standard deviation of each rolling radius as given; used if the radii are corrected online.
-        wheel_radius_std: f64 = 1e-3, "1", [1e-7, 0.05];
+        /// Relative standard deviation of each rolling radius as given, used if the radii are corrected online. Raise it to 0.003 where they were not calibrated.
+        wheel_radius_std: f64 = 5e-4, "1", [1e-7, 0.05];
     }
 }
 
@@ -108,10 +108,10 @@ variables! {
 variables! {
     /// Noise of the measurements.
     pub struct MeasurementStd {
-        /// Noise of the speed per sample; larger than the sensor's own, because the tyres bounce.
-        speed: f64 = 0.03, "m/s", [1e-6, 10.0];
-        /// Noise of the wheel speeds per sample; larger than the sensors' own, because the tyres bounce.
-        wheel_speed: f64 = 0.05, "rad/s", [1e-6, 100.0];
+        /// Noise of the speed sensor per sample; what bouncing tyres add is found online.
+        speed: f64 = 0.02, "m/s", [1e-6, 10.0];
+        /// Noise of the wheel speeds per sample; what bouncing tyres add is found online.
+        wheel_speed: f64 = 0.035, "rad/s", [1e-6, 100.0];
     }
 }
 
@@ -162,8 +162,26 @@ variables! {
         resume_speed: f64 = 0.6, "m/s", [0.0, 10.0];
         /// Measured slip beyond which a wheel spins.
         slip: f64 = 0.12, "1", [1e-3, 10.0];
+        /// Time after the start or a hold before the estimates are updated; transients of the tyres settle in it.
+        settle_time: f64 = 0.5, "s", [0.0, 60.0];
         /// Successive samples without any measurement, or with an input that had to be replaced, after which the estimates are held.
         samples: i32 = 50, "1", [0, 1_000_000];
+    }
+}
+
+variables! {
+    /// How the measurement noise follows the road.
+    pub struct Adaptation {
+        /// Whether the measurement noise follows the slip innovations. Off, the measurement noise has to cover the road.
+        enabled: bool = true, "1";
+        /// Smoothing of the slip innovations: disturbances correlated over this time count with their full weight.
+        smoothing: f64 = 0.02, "s", [0.001, 10.0];
+        /// Memory of the noise level.
+        memory: f64 = 1.0, "s", [0.01, 100.0];
+        /// Largest ratio by which the noise's standard deviation is raised for long.
+        limit: f64 = 10.0, "1", [1.0, 1e3];
+        /// Slip innovations beyond so many standard deviations count less, in proportion to their size.
+        huber: f64 = 1.0, "1", [0.1, 1e6];
     }
 }
 
@@ -176,8 +194,8 @@ variables! {
         form: Form = Form::Array, "1";
         /// Unknowns as logits, which cannot leave their range, or as they are and clipped.
         parameters: Coordinates = Coordinates::Logit, "1";
-        /// Whether the rolling radii are corrected online.
-        radii: Radii = Radii::Fixed, "1";
+        /// Whether the rolling radii are corrected online: coasting and changing torque reveal them.
+        radii: Radii = Radii::Estimated, "1";
         /// Spread of the sigma points.
         alpha: f64 = 1.0, "1", [1e-4, 10.0];
         /// Weight of the fourth moment; at least alpha squared.
@@ -198,6 +216,8 @@ variables! {
         process_std: ProcessStd;
         /// Measurement noise.
         measurement_std: MeasurementStd;
+        /// Adaptation of the measurement noise.
+        adaptation: Adaptation;
         /// Motion at the first sample.
         start_std: MotionStd;
         /// Lower limits.

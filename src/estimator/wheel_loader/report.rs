@@ -32,7 +32,8 @@ impl WheelLoader {
     }
 
     fn height_observable(&self) -> bool {
-        self.unknown_std()[1] < 0.5 * unknown_std(&self.engine, self.engine.start())[1]
+        let slope = self.engine.map.slope_of(1, self.state.belief.mean[4]);
+        slope * std_of(&self.state.belief.factor, 4) < 0.5 * self.engine.start_height_std
     }
 
     /// Fills the outputs, the motion carried `ahead` seconds forward with `inputs` held.

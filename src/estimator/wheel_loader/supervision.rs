@@ -1,6 +1,6 @@
 //! When the unknowns are held, and whether slip and torque can both be true.
 
-use super::parameters::Hold;
+use super::parameters::{Adaptation, Hold};
 use crate::model::wheel_loader::{Drive, GRAVITY, Loader, slip};
 use serde::{Deserialize, Serialize};
 
@@ -24,13 +24,66 @@ pub struct Supervision {
     pub lost: u32,
     /// Successive samples whose drive had to be replaced.
     pub stale: u32,
+    /// Time since the machine could have been estimated, s.
+    pub settled: f64,
     /// Slip against torque.
     pub evidence: SlipEvidence,
+    /// Noise level of each axle.
+    pub roughness: [Roughness; 2],
+}
+
+/// Noise of one axle's slip innovation against what the settings expect.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Roughness {
+    smooth: f64,
+    excess: f64,
+}
+
+/// What a sample contributes to the averages of [`Roughness`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fading {
+    /// The time between two samples, s.
+    pub dt: f64,
+    smoothing: f64,
+    memory: f64,
+}
+
+impl Fading {
+    /// For samples `dt` seconds apart.
+    pub fn new(adaptation: &Adaptation, dt: f64) -> Self {
+        let share = |time: f64| 1.0 - (-dt / time).exp();
+        Self { dt, smoothing: share(adaptation.smoothing), memory: share(adaptation.memory) }
+    }
+}
+
+impl Roughness {
+    /// Takes the slip innovation `e` (m/s) with its variance by the sensors and by the belief.
+    pub fn take(&mut self, e: f64, sensors: f64, belief: f64, adaptation: &Adaptation, fading: &Fading) {
+        let (a, b) = (fading.smoothing, fading.memory);
+        self.smooth += a * (e - self.smooth);
+        let white = a / (2.0 - a) * sensors;
+        let ratio = (self.smooth * self.smooth - belief) / white;
+        let cap = adaptation.limit * adaptation.limit;
+        self.excess += b * (ratio.clamp(0.0, 10.0 * cap) - self.excess);
+    }
+
+    /// Ratio by which the noise's standard deviation is raised.
+    pub fn ratio(&self, adaptation: &Adaptation) -> f64 {
+        self.excess.clamp(1.0, adaptation.limit * adaptation.limit).sqrt()
+    }
 }
 
 impl Default for Supervision {
     fn default() -> Self {
-        Self { held: true, masked: [0; 3], lost: 0, stale: 0, evidence: SlipEvidence::default() }
+        Self {
+            held: true,
+            masked: [0; 3],
+            lost: 0,
+            stale: 0,
+            evidence: SlipEvidence::default(),
+            settled: 0.0,
+            roughness: Default::default(),
+        }
     }
 }
 
@@ -48,7 +101,7 @@ pub struct Reasons {
 impl Supervision {
     /// Decides whether the coming sample is held. `y` is NaN where nothing was measured and `motion`
     /// the estimate before the sample.
-    pub fn decide(&mut self, hold: &Hold, loader: &Loader, y: &[f64; 3], motion: &[f64; 3]) -> Reasons {
+    pub fn decide(&mut self, hold: &Hold, loader: &Loader, y: &[f64; 3], motion: &[f64; 3], dt: f64) -> Reasons {
         let seen = |i: usize| if y[i].is_finite() { y[i] } else { motion[i] };
         let speed = seen(0).abs().min(motion[0].abs());
         let threshold = if self.held { hold.resume_speed } else { hold.stop_speed };
@@ -59,7 +112,9 @@ impl Supervision {
                 .any(|i| slip(seen(0), seen(i + 1), loader.wheel_radius[i], loader.slip_speed).0.abs() > hold.slip),
             lost: self.lost > limit || self.stale > limit,
         };
-        self.held = reasons.standstill || reasons.spin || reasons.lost || self.evidence.contradicts;
+        let unfit = reasons.standstill || reasons.spin || reasons.lost;
+        self.settled = if unfit { 0.0 } else { self.settled + dt };
+        self.held = unfit || self.evidence.contradicts || self.settled <= hold.settle_time;
         reasons
     }
 }
@@ -94,7 +149,8 @@ impl SlipEvidence {
         if !y.iter().all(|value| value.is_finite()) {
             return false;
         }
-        let forget = (-dt / MEMORY).exp();
+        // exp(-dt / MEMORY) to all digits that matter for a memory.
+        let forget = 1.0 / (1.0 + dt / MEMORY);
         let weight = loader.mass * GRAVITY;
         let mut torque_acts = false;
         for i in 0..2 {
