@@ -5,6 +5,7 @@
 //! innovations: white innovations leave it alone, innovations that keep their sign raise it.
 //! Erratum: the paper names its filter adaptive and gives no law (eq. 43-54).
 
+use super::bounded;
 use serde::{Deserialize, Serialize};
 
 /// Measurement variances learnt from residuals, `R <- (1 - d) R + d (residual^2 + h P h^T)`, with
@@ -59,7 +60,7 @@ impl<const M: usize> MeasurementNoise<M> {
 
     /// Whether the numbers can have come from [`learn`](Self::learn).
     pub fn is_sound(&self) -> bool {
-        self.variance.iter().all(|v| v.is_finite() && *v > 0.0) && (0.0..=1.0).contains(&self.remaining)
+        self.variance.iter().all(|v| bounded(*v) && *v > 0.0) && (0.0..=1.0).contains(&self.remaining)
     }
 }
 
@@ -94,6 +95,6 @@ impl<const M: usize> ProcessScale<M> {
 
     /// Whether the numbers can have come from [`learn`](Self::learn).
     pub fn is_sound(&self) -> bool {
-        self.scale.is_finite() && self.scale >= 1.0 && self.mean.iter().all(|x| x.is_finite())
+        bounded(self.scale) && self.scale >= 1.0 && self.mean.iter().all(|x| bounded(*x))
     }
 }

@@ -16,3 +16,9 @@ pub mod srckf;
 pub mod srukf;
 pub mod tree_qr;
 pub mod ukf;
+
+/// Whether a number of a stored state is finite and so far from the largest one that sums and squares
+/// of such numbers are finite too.
+pub fn bounded(x: f64) -> bool {
+    x.abs() < 1e30
+}

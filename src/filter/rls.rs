@@ -12,6 +12,7 @@
 //! Forgetting laws: Yang et al., eq. (34) and (35).
 //! Erratum: eq. (37) of the paper starts from one sample, whose regressor may be near zero.
 
+use super::bounded;
 use serde::{Deserialize, Serialize};
 
 /// How fast old samples are forgotten, given the size of the prediction error `e`.
@@ -268,8 +269,8 @@ impl<const D: usize> Rls<D> {
         let Noise { weight, power, lagged, last } = self.noise;
         let scalars = [self.estimate, self.forgetting, self.innovation, self.sum_ee, self.sum_ey, self.signed_error];
         let all = scalars.iter().chain(&self.sum_ed).chain(&self.sensitivity);
-        all.chain(&[weight, power, lagged, last]).all(|x| x.is_finite())
-            && self.covariance.is_finite()
+        all.chain(&[weight, power, lagged, last]).all(|x| bounded(*x))
+            && bounded(self.covariance)
             && self.covariance > 0.0
     }
 }

@@ -7,6 +7,7 @@
 //! Yang et al., eq. (44)-(54). Errata: (46) and (47) print the noise of the wrong instants, Q belongs
 //! to the step and R to the sample; the points would have to be redrawn after Q has been added.
 
+use super::bounded;
 use super::sigma_points::{Weights, robust_cholesky};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
@@ -119,7 +120,7 @@ impl<const N: usize> Belief<N> {
 
     /// Whether all numbers are finite and no variance is negative.
     pub fn is_sound(&self) -> bool {
-        self.mean.iter().chain(self.covariance.iter()).all(|x| x.is_finite())
+        self.mean.iter().chain(self.covariance.iter()).all(|x| bounded(*x))
             && (0..N).all(|i| self.covariance[(i, i)] >= 0.0)
     }
 }

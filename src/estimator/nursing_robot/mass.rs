@@ -15,6 +15,7 @@
 
 use super::Parameters;
 use super::parameters::{Law, LoadChange};
+use crate::filter::bounded;
 use crate::filter::critically_damped::{CriticallyDamped, Transition};
 use crate::filter::rls::{Config, Forgetting, Rls, Verdict};
 use crate::model::nursing_robot::{GRAVITY, Human, Robot};
@@ -355,7 +356,7 @@ impl MassState {
         let filters = [self.speed, self.force, self.sign, self.specific];
         let numbers = [self.regressor, self.measurement, self.stopped_for, self.blocked_for, self.at_bound_for];
         self.rls.is_sound()
-            && filters.iter().all(|f| f.value.is_finite() && f.rate.is_finite())
-            && numbers.iter().chain(&self.held).chain(&self.sway).chain(&self.pull).all(|x| x.is_finite())
+            && filters.iter().all(|f| bounded(f.value) && bounded(f.rate))
+            && numbers.iter().chain(&self.held).chain(&self.sway).chain(&self.pull).all(|x| bounded(*x))
     }
 }

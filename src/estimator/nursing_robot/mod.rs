@@ -21,6 +21,7 @@ pub mod sway;
 pub use parameters::*;
 
 use crate::estimator::{Estimator, StateError};
+use crate::filter::bounded;
 use crate::model::nursing_robot::{CentreOfGravity, GRAVITY, Human, Robot, common_cog, person_cog};
 use crate::variable::Variable;
 use crate::{ParameterError, Status, Variables};
@@ -337,7 +338,7 @@ impl Estimator for NursingRobot {
         if !sway {
             return Err(StateError("its sway filter is of another model or not finite"));
         }
-        if !(state.mass.is_sound() && state.speed.is_finite()) {
+        if !(state.mass.is_sound() && bounded(state.speed)) {
             return Err(StateError("its mass filter is not finite"));
         }
         self.state = state.clone();

@@ -12,6 +12,7 @@
 use super::Parameters;
 use super::parameters::SwayModel;
 use crate::filter::adaptation::{MeasurementAdaptation, MeasurementNoise, ProcessScale};
+use crate::filter::bounded;
 use crate::filter::sigma_points::Weights;
 use crate::filter::ukf::{Belief, Channel, add_square};
 use crate::model::nursing_robot::{GRAVITY, Human, Planar, Robot};
@@ -505,6 +506,6 @@ impl SwayState {
         };
         let numbers =
             [self.nis, self.mass, self.force.unwrap_or(0.0), self.yaw_rate, self.smoothed_speed, self.slow_for];
-        belief && self.noise.is_sound() && self.scale.is_sound() && numbers.iter().all(|x| x.is_finite())
+        belief && self.noise.is_sound() && self.scale.is_sound() && numbers.iter().all(|x| bounded(*x))
     }
 }
