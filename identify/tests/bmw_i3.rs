@@ -60,7 +60,7 @@ fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
 #[test]
 fn mass_and_rolling_resistance_of_real_trips() {
     let Some(folder) = data() else { return };
-    let map = ColumnMap::read(&PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/columns/bmw_i3.toml")).unwrap();
+    let map = ColumnMap::read(&PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/maps/bmw_i3.toml")).unwrap();
     let mut files: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     files.retain(|path| path.extension().is_some_and(|ending| ending == "csv"));
     files.sort();

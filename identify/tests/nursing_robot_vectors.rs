@@ -116,9 +116,9 @@ fn refinement_matches_the_reference() {
         rest: huber[2].as_f64().unwrap() / huber[0].as_f64().unwrap(),
     };
     // The reference weighs speeds with 0.006 m/s: sensor noise and quantisation.
-    let setup = Setup { speed_std: 0.006, pitch_std: Some(0.01), loss: Loss::Huber };
+    let setup = Setup { speed_std: 0.006, pitch_std: Some(0.01), efficiency: false, loss: Loss::Huber };
     let segment = Segment { signals: &signals, samples: 0..1500 };
-    let solution = refine(&[segment], &body, &start, &setup).unwrap();
+    let solution = refine(&[segment], &body, &start, &setup).unwrap().solution;
     let reference = &expected["refine_15s"];
     let cost = reference["cost"].as_array().unwrap().last().unwrap().as_f64().unwrap();
     assert_close("cost", *solution.cost.last().unwrap(), cost, 1e-3, 0.0);

@@ -117,3 +117,45 @@ fn instruments_remove_the_bias_of_noisy_regressors() {
     let told = solve(&problem(plain), &Options { loss: Loss::Ls, ..Options::default() }).unwrap();
     assert!((told.bias[0] - (2.0 / 1.49 - 2.0)).abs() < 0.25, "{:?}", told.bias);
 }
+
+/// Reference answers of cvxpy with Clarabel, made by `tests/oracles/convex.py`.
+#[test]
+fn answers_agree_with_cvxpy() {
+    let cases: serde_json::Value = serde_json::from_str(include_str!("../../tests/oracles/convex.json")).unwrap();
+    let numbers = |value: &serde_json::Value| -> Vec<f64> {
+        value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+    };
+    for (index, case) in cases.as_array().unwrap().iter().enumerate() {
+        let (a, y, lower, upper) =
+            (numbers(&case["a"]), numbers(&case["y"]), numbers(&case["lower"]), numbers(&case["upper"]));
+        let n = lower.len();
+        let mut rows = Rows::new("rows", "1", n);
+        rows.scale = Scale::Known(1.0);
+        for (i, (row, rhs)) in a.chunks_exact(n).zip(&y).enumerate() {
+            rows.push(row, *rhs, i as u32);
+        }
+        let cone = vec![
+            Affine::new(&[(0, 1.0), (1, 1.0)], 0.0),
+            Affine::new(&[(2, 2.0)], 0.0),
+            Affine::new(&[(0, 1.0), (1, -1.0)], 0.0),
+        ];
+        let problem = Regression {
+            name: format!("case {index}"),
+            unknowns: (0..n).map(|j| Unknown::within("x", lower[j], upper[j])).collect(),
+            groups: vec![rows],
+            constraints: if case["cone"] == true { vec![Constraint::SecondOrder(cone)] } else { Vec::new() },
+        };
+        for loss in [Loss::Ls, Loss::Huber, Loss::L1] {
+            let expected = numbers(&case["solutions"][loss.word()]["x"]);
+            for exact_rows in [0, usize::MAX] {
+                let solution = solve(&problem, &Options { loss, exact_rows, ..Options::default() }).unwrap();
+                // On the curved surface of an active cone neither program is polished.
+                let tolerance = if loss == Loss::L1 || case["cone"] == true { 1e-3 } else { 1e-6 };
+                for (actual, expected) in solution.theta.iter().zip(&expected) {
+                    let bound = tolerance * expected.abs() + 1e-7;
+                    assert!((actual - expected).abs() <= bound, "case {index} {loss:?}: {actual} {expected}");
+                }
+            }
+        }
+    }
+}

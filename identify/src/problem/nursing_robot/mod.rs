@@ -253,16 +253,11 @@ fn output_error(
     let setup = Setup {
         speed_std: task.known.get("sway.speed_std"),
         pitch_std: tilt.then(|| task.known.get("sway.tilt_std")),
+        efficiency: task.wants(EFFICIENCY),
         loss: session.loss(),
     };
-    let solution = refine::refine(&segments, body, &start, &setup)?;
-    let found = Passive {
-        stiffness: solution.theta[0],
-        damping: solution.theta[1],
-        rolling: solution.theta[2],
-        rest: solution.theta[3],
-    };
-    let fit = session.keep(solution);
+    let refined = refine::refine(&segments, body, &start, &setup)?;
+    let fit = session.keep(refined.solution);
     session.estimate(PITCH[0], fit, |x| x[0]);
     session.estimate(PITCH[1], fit, |x| x[1]);
     if tilt {
@@ -270,7 +265,7 @@ fn output_error(
     } else {
         session.give_up(PITCH[2], "the logs have no tilt channel, and wheels do not feel a kept lean");
     }
-    Ok(found)
+    Ok(refined.passive)
 }
 
 /// `[f, eta]`, or the one of them that is wanted if the user asked for it alone.

@@ -27,48 +27,70 @@ pub struct Setup {
     /// Standard deviation of the measured pitch, rad; `None` compares the speed only and keeps the
     /// rest angle, which wheels cannot feel.
     pub pitch_std: Option<f64>,
+    /// Whether the drive efficiency is sought too. A speed alone tells a few percent of force
+    /// apart from sway only if it is.
+    pub efficiency: bool,
     /// The loss.
     pub loss: Loss,
 }
 
-/// Unknowns before those of the segments: `k, c, f, phi_0`.
-const SHARED: usize = 4;
+/// What was refined.
+#[derive(Clone, Debug)]
+pub struct Refined {
+    /// Stiffness, damping, rolling coefficient, then the rest angle and the drive efficiency if they were
+    /// sought, then the initial states of the segments.
+    pub solution: Solution,
+    /// The passive joint and the floor found.
+    pub passive: Passive,
+    /// The drive efficiency found or kept.
+    pub efficiency: f64,
+    /// Place of the drive efficiency among the unknowns.
+    pub efficiency_index: Option<usize>,
+}
+
 /// Unknowns per segment: `v, phi, phi'` at its first sample.
 const INITIAL: usize = 3;
 
-/// Refines from a start. The first unknowns of the solution are stiffness, damping, rolling
-/// coefficient and rest angle.
-pub fn refine(segments: &[Segment], body: &Body, start: &Passive, setup: &Setup) -> Result<Solution, SolveError> {
-    let rest = if setup.pitch_std.is_some() { (-0.5, 0.5) } else { (start.rest, start.rest) };
-    let mut unknowns = vec![
-        Unknown::within("k_y", 0.0, 5000.0),
-        Unknown::within("c_y", 0.0, 500.0),
-        Unknown::within("f", 0.0, 0.1),
-        Unknown::within("phi_y0", rest.0, rest.1),
-    ];
-    let mut theta = vec![start.stiffness, start.damping, start.rolling, start.rest];
-    let mut typical = vec![200.0, 20.0, 0.01, 0.05];
+/// Refines from a start.
+pub fn refine(segments: &[Segment], body: &Body, start: &Passive, setup: &Setup) -> Result<Refined, SolveError> {
+    let mut unknowns =
+        vec![Unknown::within("k_y", 0.0, 5000.0), Unknown::within("c_y", 0.0, 500.0), Unknown::within("f", 0.0, 0.1)];
+    let mut theta = vec![start.stiffness, start.damping, start.rolling];
+    let mut typical = vec![200.0, 20.0, 0.01];
+    let mut more = |name: &str, value: f64, range: (f64, f64), size: f64| {
+        unknowns.push(Unknown::within(name, range.0, range.1));
+        theta.push(value);
+        typical.push(size);
+        theta.len() - 1
+    };
+    let rest_index = setup.pitch_std.map(|_| more("phi_y0", start.rest, (-0.5, 0.5), 0.05));
+    let efficiency_index = setup.efficiency.then(|| more("eta", body.efficiency, (0.5, 1.5), 0.05));
+    let shared = 3 + usize::from(rest_index.is_some()) + usize::from(efficiency_index.is_some());
     for segment in segments {
         let first = segment.samples.start;
         let pitch = segment.signals.pitch.get(first).copied().filter(|p| p.is_finite()).unwrap_or(start.rest);
         for (name, value, reach, size) in
             [("v_0", segment.signals.speed[first], 10.0, 0.05), ("phi_i", pitch, 1.0, 0.1), ("phid_i", 0.0, 5.0, 0.5)]
         {
-            unknowns.push(Unknown::within(name, value - reach, value + reach));
-            theta.push(value);
-            typical.push(size);
+            more(name, value, (value - reach, value + reach), size);
         }
     }
+    let read = |theta: &[f64]| {
+        let rest = rest_index.map_or(start.rest, |index| theta[index]);
+        let passive = Passive { stiffness: theta[0], damping: theta[1], rolling: theta[2], rest };
+        (passive, efficiency_index.map_or(body.efficiency, |index| theta[index]))
+    };
     // Half of 100 Hz says as much about a 1 Hz sway at half the price.
     let stride = |signals: &Signals| ((0.02 / signals.period).round() as usize).max(1);
     let residuals = |theta: &[f64]| -> Vec<Vec<f64>> {
-        let passive = Passive { stiffness: theta[0], damping: theta[1], rolling: theta[2], rest: theta[3] };
+        let (passive, efficiency) = read(theta);
+        let body = Body { efficiency, ..*body };
         let (mut of_speed, mut of_pitch) = (Vec::new(), Vec::new());
         for (index, segment) in segments.iter().enumerate() {
-            let at = SHARED + INITIAL * index;
+            let at = shared + INITIAL * index;
             let initial = [theta[at], theta[at + 1], theta[at + 2]];
             let (signals, first, stride) = (segment.signals, segment.samples.start, stride(segment.signals));
-            simulate(signals, segment.samples.clone(), body, &passive, initial, |i, x| {
+            simulate(signals, segment.samples.clone(), &body, &passive, initial, |i, x| {
                 if (i - first) % stride == 0 {
                     of_speed.push(signals.speed[i] - x[0]);
                     if setup.pitch_std.is_some() {
@@ -97,5 +119,7 @@ pub fn refine(segments: &[Segment], body: &Body, start: &Passive, setup: &Setup)
         trust: Trust::default(),
         passes: 1,
     };
-    minimise(&smooth, setup.loss)
+    let solution = minimise(&smooth, setup.loss)?;
+    let (passive, efficiency) = read(&solution.theta);
+    Ok(Refined { solution, passive, efficiency, efficiency_index })
 }

@@ -15,6 +15,7 @@
 
 use crate::problem::weak_form::Bump;
 use crate::solve::Rows;
+use rayon::prelude::*;
 
 /// Gravity, m/s2.
 pub const GRAVITY: f64 = 9.81;
@@ -125,12 +126,13 @@ impl Windows<'_> {
 /// Windows that overlap.
 pub const OVERLAP: usize = 12;
 
-/// Appends one row per window; `first_cluster` starts a new count for each log.
-fn fill(rows: &mut Rows, windows: &Windows, row: impl Fn(usize) -> (Vec<f64>, f64)) {
+/// Appends one row per window, computed in parallel and kept in order; each log counts its own clusters.
+fn fill(rows: &mut Rows, windows: &Windows, row: impl Fn(usize) -> (Vec<f64>, f64) + Send + Sync) {
     let first_cluster = rows.cluster.last().map_or(0, |last| last + 1);
     let before = rows.len();
-    for start in windows.starts() {
-        let (a, y) = row(start);
+    let starts: Vec<usize> = windows.starts().collect();
+    let made: Vec<_> = starts.into_par_iter().map(row).collect();
+    for (a, y) in made {
         let cluster = first_cluster + ((rows.len() - before) / windows.cluster) as u32;
         rows.push(&a, y, cluster);
     }
