@@ -60,7 +60,7 @@ fn nees_and_nis_are_those_of_a_consistent_filter() {
         let q_root = q.cholesky().unwrap().l();
         let mut nees = 0.0;
         for k in 0..500 {
-            let command = |k: usize| Command::from(Course::Oblique.command(0.01 * k as f64));
+            let command = |k: usize| Command::from(Course::Oblique.command(0.01 * k as f64, 0.0));
             if k > 0 {
                 let held = Drive { command: command(k - 1), accel_x: None, still: false };
                 x = runge_kutta(&x, 0.01, |x| model::derivative(&chair, x, &held.command, false));

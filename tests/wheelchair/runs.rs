@@ -91,7 +91,7 @@ pub fn drive(setup: &Drive, normal: &mut Normal) -> Vec<Row> {
     (0..=samples)
         .map(|k| {
             let time = 0.01 * k as f64;
-            let command = setup.course.command(time);
+            let command = setup.course.command(time, plant.truth().speed);
             let reading = plant.measure(command, &setup.noise.draw(normal));
             let row = Row { time, truth: plant.truth(), inputs: inputs(&reading, command) };
             plant.advance(command, 0.01);

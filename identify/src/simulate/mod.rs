@@ -4,6 +4,7 @@
 
 pub mod nursing_robot;
 mod wheel_loader;
+mod wheelchair;
 mod wheeled_robot;
 
 use crate::log::Log;
@@ -51,6 +52,7 @@ pub fn scenarios(vehicle: Vehicle) -> &'static [Scenario] {
         Vehicle::NursingRobot => nursing_robot::SCENARIOS,
         Vehicle::WheeledRobot => wheeled_robot::SCENARIOS,
         Vehicle::WheelLoader => wheel_loader::SCENARIOS,
+        Vehicle::Wheelchair => wheelchair::SCENARIOS,
         _ => &[],
     }
 }
@@ -61,6 +63,7 @@ pub fn simulate(vehicle: Vehicle, request: &Request) -> Result<Log, SimulateErro
         Vehicle::NursingRobot => nursing_robot::simulate(request),
         Vehicle::WheeledRobot => wheeled_robot::simulate(request),
         Vehicle::WheelLoader => wheel_loader::run(request),
+        Vehicle::Wheelchair => wheelchair::simulate(request),
         _ => Err(SimulateError::UnknownScenario {
             asked: request.scenario.clone(),
             known: scenarios(vehicle).iter().map(|s| s.name).collect::<Vec<_>>().join(", "),

@@ -72,7 +72,7 @@ impl Course {
     /// The ground.
     pub fn ramp(self) -> Ramp {
         match self {
-            Course::Identification => Ramp::constant(0.0),
+            Course::Identification => Ramp::constant(0.05),
             _ => Ramp { base: 0.0, slope: 0.08, from: 2.0, to: 6.0, edge: 0.5 },
         }
     }
@@ -85,14 +85,15 @@ impl Course {
         }
     }
 
-    /// Force, N, and moment, N m, at a time.
-    pub fn command(self, time: f64) -> [f64; 2] {
+    /// Force, N, and moment, N m, at a time; a user who drives back and forth looks at the speed.
+    pub fn command(self, time: f64, speed: f64) -> [f64; 2] {
         let within = |from: f64, to: f64| time >= from - 1e-9 && time < to - 1e-9;
         if self == Course::Identification {
-            // Sines without common period, a drive back and forth, and moments that keep the chair turning both ways.
+            // Sines without common period: back and forth, with pushes, and turning both ways.
             let wave = |period: f64, phase: f64| (TAU * time / period + phase).sin();
-            let force = 45.0 * wave(7.3, 0.0) + 25.0 * wave(2.9, 1.0) + 15.0 * wave(1.3, 2.0);
-            let moment = 4.0 * wave(5.9, 0.7) + 3.0 * wave(2.3, 0.2) + 2.0 * wave(1.1, 1.1);
+            let wanted = 0.9 * wave(8.3, 0.0);
+            let force = (80.0 * (wanted - speed) + 25.0 * wave(1.9, 1.0) + 15.0 * wave(1.1, 2.0)).clamp(-150.0, 150.0);
+            let moment = 4.0 * wave(5.3, 0.7) + 3.0 * wave(2.3, 0.2) + 2.0 * wave(1.1, 1.1);
             return [force, moment];
         }
         let force = if within(0.5, 1.5) {
