@@ -1,7 +1,11 @@
 //! Sampling of a log: its period, its gaps, parts of it.
 
 use super::{Channel, Log};
+use std::borrow::Cow;
 use std::ops::Range;
+
+/// Steps may differ by this share of the period before a log is resampled.
+const UNIFORM: f64 = 0.01;
 
 impl Log {
     /// The usual time between two samples: the median, s.
@@ -17,6 +21,20 @@ impl Log {
     /// From the first to the last sample, s.
     pub fn duration(&self) -> f64 {
         self.time.last().zip(self.time.first()).map_or(0.0, |(last, first)| last - first)
+    }
+
+    /// The log on even steps, and its period.
+    ///
+    /// A log whose steps vary by more than 1 % is interpolated linearly onto its median period; across gaps
+    /// of more than one and a half periods everything counts as missing.
+    pub fn on_even_steps(&self) -> (Cow<'_, Self>, f64) {
+        let period = self.period();
+        let even = self.time.windows(2).all(|pair| ((pair[1] - pair[0]) - period).abs() <= UNIFORM * period);
+        let log =
+            if even || self.len() < 3 { Cow::Borrowed(self) } else { Cow::Owned(self.resample(period, 1.5 * period)) };
+        // Times written with few digits: the mean step is closer to the truth than the median one.
+        let period = if log.len() > 1 { log.duration() / (log.len() - 1) as f64 } else { period };
+        (log, period)
     }
 
     /// The longest runs of samples whose steps all stay within `tolerance * period` of the period.

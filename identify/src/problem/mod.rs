@@ -34,9 +34,11 @@
 //! logs for the result, and again on the first 60 % of each log to `validate` on the rest.
 
 pub mod known;
+pub mod noise;
 pub mod nursing_robot;
 pub mod session;
 pub mod weak_form;
+pub mod wheelchair;
 
 pub use known::Known;
 pub use session::{Fitted, Judgement, Session};
@@ -170,8 +172,8 @@ pub enum FitError {
 pub fn problem(vehicle: Vehicle) -> Option<Problem> {
     match vehicle {
         Vehicle::NursingRobot => Some(nursing_robot::PROBLEM),
-        // One line per vehicle: `Vehicle::Wheelchair => Some(wheelchair::PROBLEM),`
-        Vehicle::WheeledRobot | Vehicle::WheelLoader | Vehicle::HumanDynamics | Vehicle::Wheelchair => None,
+        Vehicle::Wheelchair => Some(wheelchair::PROBLEM),
+        Vehicle::WheeledRobot | Vehicle::WheelLoader | Vehicle::HumanDynamics => None,
     }
 }
 

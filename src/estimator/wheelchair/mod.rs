@@ -85,8 +85,15 @@ pub struct Wheelchair {
     biased: Observer<Biased>,
     gravity: Observer<GravityVector>,
     bands: Bands,
+    /// Known biases of gyro and accelerometer, where they are no states.
+    calibration: [f64; 4],
     initial: Belief,
     state: State,
+}
+
+/// Known biases of gyro and accelerometer.
+fn biases(initial: &InitialParameters) -> [f64; 4] {
+    [initial.gyro_bias, initial.accel_x_bias, initial.accel_y_bias, initial.accel_z_bias]
 }
 
 impl Wheelchair {
@@ -107,6 +114,7 @@ impl Wheelchair {
                 let (mut mean, mut all) = (model::BiasedState::zeros(), model::BiasedState::zeros());
                 mean.fixed_rows_mut::<6>(0).copy_from(&chair);
                 all.fixed_rows_mut::<6>(0).copy_from(&variances);
+                mean.fixed_rows_mut::<4>(6).copy_from(&SVector::from(biases(p)));
                 let accel = p.accel_bias_std;
                 let bias = [p.gyro_bias_std, accel, accel, accel, p.heading_offset_std];
                 all.fixed_rows_mut::<5>(6).copy_from(&SVector::from(bias).map(|s| s * s));
@@ -230,6 +238,10 @@ impl Estimator for Wheelchair {
                 gyro: bands.gyro_band,
                 accel: bands.accel_band,
             },
+            calibration: match parameters.filter.kind {
+                Kind::Bias | Kind::AccelerationInput => [0.0; 4],
+                Kind::Basic | Kind::GravityVector => biases(&parameters.initial),
+            },
             chair,
             initial,
             state,
@@ -274,15 +286,13 @@ impl Estimator for Wheelchair {
         );
         status.raise_if(readings.implausible, Status::IMPLAUSIBLE);
         status.raise_if(readings.restarted, Status::RESTARTED);
-        let sample = wheels::sample(&self.chair, readings.angles, measured[2], [measured[3], measured[4], measured[5]]);
+        let calibrated: [f64; 4] = std::array::from_fn(|k| measured[2 + k] - self.calibration[k]);
+        let [gyro, accel @ ..] = calibrated;
+        let sample = wheels::sample(&self.chair, readings.angles, gyro, accel);
         let was_still = self.state.standstill.is_still();
         let still = self.parameters.filter.detect_standstill && {
-            let signs = Signs {
-                distance: sample.values[0],
-                heading: sample.values[1],
-                gyro: measured[2],
-                accel: [measured[3], measured[4]],
-            };
+            let signs =
+                Signs { distance: sample.values[0], heading: sample.values[1], gyro, accel: [accel[0], accel[1]] };
             self.state.standstill.update(&self.bands, &signs, dt)
         };
         status.raise_if(still, Status::STANDSTILL);

@@ -85,6 +85,14 @@ crate::variables! {
         speed: f64 = 0.0, "m/s", [-20.0, 20.0];
         /// Slope at the start, positive uphill.
         slope: f64 = 0.0, "rad", [-1.5, 1.5];
+        /// Bias of the gyro: where the kind estimates it, its start, otherwise subtracted.
+        gyro_bias: f64 = 0.0, "rad/s", [-10.0, 10.0];
+        /// Bias of the accelerometer ahead: where the kind estimates it, its start, otherwise subtracted.
+        accel_x_bias: f64 = 0.0, "m/s2", [-10.0, 10.0];
+        /// Bias of the accelerometer to the left: where the kind estimates it, its start, otherwise subtracted.
+        accel_y_bias: f64 = 0.0, "m/s2", [-10.0, 10.0];
+        /// Bias of the accelerometer upward: where the kind estimates it, its start, otherwise subtracted.
+        accel_z_bias: f64 = 0.0, "m/s2", [-10.0, 10.0];
         /// Standard deviation of the distance at the start.
         distance_std: f64 = 0.005, "m", [1e-9, 1e3];
         /// Standard deviation of the heading at the start.

@@ -243,7 +243,7 @@ fn output_error(
         let speed = &segment.signals.speed[segment.samples.clone()];
         let mean = speed.iter().sum::<f64>() / speed.len() as f64;
         let spread = (speed.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / speed.len() as f64).sqrt();
-        spread > 5.0 * signals::noise(speed)
+        spread > 5.0 * crate::problem::noise::noise_of(speed)
     };
     if !tilt && !segments.iter().any(moves) {
         let reason = "the speed hardly changes beyond its noise, so the body does not sway";

@@ -1,25 +1,12 @@
 //! What sensor noise alone makes of a row: its covariance tells how far noise in the regressors
 //! pulls the estimates, and whether the signals rise above it at all.
-//!
-//! To first order every entry of a row is a weighted sum of noise samples; the covariance of two
-//! entries is the sum of products of their weights times the sensor's variance.
 
 use super::Windowed;
 use super::rows::{Body, Drive, GRAVITY};
-use super::signals::noise;
+use crate::problem::noise::{add_noise as add, noise_of as noise};
 
 /// Weights of one sensor in every entry of `[row, right-hand side]`.
 type Weights = Vec<Vec<f64>>;
-
-/// Adds `std^2` times the products of the weights to a covariance.
-fn add(covariance: &mut [f64], weights: &Weights, std: f64) {
-    let n = weights.len();
-    for i in 0..n {
-        for j in 0..n {
-            covariance[i * n + j] += std * std * crate::solve::dot(&weights[i], &weights[j]);
-        }
-    }
-}
 
 /// Mean over the logs, weighted with their lengths.
 fn mean(logs: &[Windowed], size: usize, of: impl Fn(&Windowed) -> Option<Vec<f64>>) -> Vec<f64> {
@@ -50,7 +37,7 @@ fn joint(log: &Windowed, body: &Body, angle: &[f64], coupling: f64) -> Option<Ve
     let zero = scaled(psi, 0.0);
     let rhs = sum(scaled(psi2, -body.j), scaled(psi, body.b * GRAVITY));
     let mut covariance = vec![0.0; 16];
-    add(&mut covariance, &vec![psi.clone(), scaled(psi1, -1.0), zero.clone(), rhs], noise(angle));
+    add(&mut covariance, &[psi.clone(), scaled(psi1, -1.0), zero.clone(), rhs], noise(angle));
     let on_speed = vec![zero.clone(), zero.clone(), zero, scaled(psi1, coupling)];
     add(&mut covariance, &on_speed, noise(&log.signals.speed));
     Some(covariance)

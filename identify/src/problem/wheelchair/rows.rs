@@ -1,0 +1,161 @@
+//! Weak-form rows of the chair: force along the heading and moment about the axle.
+//!
+//! The balances contain gravity only through the measured specific force, so the slope need not be known:
+//!
+//! ```text
+//! u_f - mrot v' = M a_xC + D v + Fc sgn v - ML r^2 + c1        a_xC = a_x + dy r' + dx r^2
+//! u_r - irot r' = IP r' + B r + tauc sgn r + ML a_yC + c2      a_yC = a_y - dx r' + dy r^2
+//! ```
+//!
+//! with `sgn = tanh(. / 0.03)`, `ML = M l`, `IP = Ic + M l^2`, and the accelerometer's biases in
+//! `c1 = -M b_ax`, `c2 = -ML b_ay`. Each is multiplied with a bump and integrated by parts; no signal is
+//! differentiated but the smoothed ones in `sgn` and `r^2`.
+
+use super::signals::Signals;
+use crate::problem::noise::{add_noise, noise_of};
+use crate::problem::weak_form::Bump;
+use crate::solve::Rows;
+use wheelstate::model::wheelchair::Chair;
+
+/// `[M, D, Fc, ML, IP, B, tauc, c1, c2]`
+pub const UNKNOWNS: usize = 9;
+/// Index of the mass.
+pub const M: usize = 0;
+/// Index of the drag.
+pub const D: usize = 1;
+/// Index of the rolling resistance.
+pub const FC: usize = 2;
+/// Index of mass times lever.
+pub const ML: usize = 3;
+/// Index of the yaw inertia about the axle.
+pub const IP: usize = 4;
+/// Index of the yaw drag.
+pub const B: usize = 5;
+/// Index of the yaw friction.
+pub const TAUC: usize = 6;
+/// Index of the accelerometer's constant ahead.
+pub const C1: usize = 7;
+/// Index of the accelerometer's constant to the left.
+pub const C2: usize = 8;
+
+/// Windows that overlap.
+pub const OVERLAP: usize = 4;
+/// Length of a window, s.
+const WINDOW: f64 = 1.0;
+/// Speed, m/s, and yaw rate, rad/s, over which dry friction changes its sign.
+const SIGN: f64 = 0.03;
+
+/// A window's bump, the signals it goes over, and the chair.
+pub struct Windows {
+    /// The signals.
+    pub signals: Signals,
+    /// The bump.
+    pub bump: Bump,
+    stride: usize,
+}
+
+/// One row and its right-hand side.
+pub type Row = ([f64; UNKNOWNS], f64);
+
+impl Windows {
+    /// Windows of a second, a quarter apart.
+    pub fn new(signals: Signals) -> Self {
+        // At slow sampling a window has at least 20 samples.
+        let n = ((WINDOW / signals.period).round() as usize).max(20);
+        Self { bump: Bump::cosine(n, signals.period), stride: (n / OVERLAP).max(1), signals }
+    }
+
+    /// First samples of the windows.
+    pub fn starts(&self) -> impl Iterator<Item = usize> {
+        let last = (self.signals.len() + 1).saturating_sub(self.bump.len());
+        (0..last).step_by(self.stride)
+    }
+
+    /// Middle of a window, s.
+    pub fn middle(&self, start: usize) -> f64 {
+        self.signals.start + self.signals.period * (start as f64 + 0.5 * (self.bump.len() - 1) as f64)
+    }
+
+    /// Force balance of a window, N s.
+    pub fn force(&self, chair: &Chair, start: usize) -> Row {
+        let (s, [dx, dy, _]) = (&self.signals, chair.lever);
+        let int = |order: usize, x: &dyn Fn(usize) -> f64| self.bump.integral(order, start, x);
+        let r_squared = int(0, &|i| s.yaw_rate[i] * s.yaw_rate[i]);
+        let mut row = [0.0; UNKNOWNS];
+        row[M] = int(0, &|i| s.ahead[i]) + dy * int(2, &|i| s.heading[i]) + dx * r_squared;
+        row[D] = -int(1, &|i| s.travel[i]);
+        row[FC] = int(0, &|i| (s.speed[i] / SIGN).tanh());
+        row[ML] = -r_squared;
+        row[C1] = int(0, &|_| 1.0);
+        (row, int(0, &|i| s.force[i]) - chair.rotating_mass * int(2, &|i| s.travel[i]))
+    }
+
+    /// Moment balance of a window, N m s.
+    pub fn moment(&self, chair: &Chair, start: usize) -> Row {
+        let (s, [dx, dy, _]) = (&self.signals, chair.lever);
+        let int = |order: usize, x: &dyn Fn(usize) -> f64| self.bump.integral(order, start, x);
+        let turning = int(2, &|i| s.heading[i]);
+        let mut row = [0.0; UNKNOWNS];
+        row[IP] = turning;
+        row[B] = -int(1, &|i| s.heading[i]);
+        row[TAUC] = int(0, &|i| (s.yaw_rate[i] / SIGN).tanh());
+        row[ML] = int(0, &|i| s.left[i]) - dx * turning + dy * int(0, &|i| s.yaw_rate[i] * s.yaw_rate[i]);
+        row[C2] = int(0, &|_| 1.0);
+        (row, int(0, &|i| s.moment[i]) - chair.rotating_inertia * turning)
+    }
+
+    /// What sensor noise alone makes of the two rows: their covariances with the right-hand sides.
+    fn noise(&self, chair: &Chair) -> [Vec<f64>; 2] {
+        let s = &self.signals;
+        let [dx, dy, _] = chair.lever;
+        let [psi, psi1, psi2, _] = &self.bump.weights;
+        let scaled = |weights: &[f64], factor: f64| -> Vec<f64> { weights.iter().map(|w| factor * w).collect() };
+        let none = || vec![scaled(psi, 0.0); UNKNOWNS + 1];
+        let mut result = [vec![0.0; (UNKNOWNS + 1).pow(2)], vec![0.0; (UNKNOWNS + 1).pow(2)]];
+        let mut add = |which: usize, entries: &[(usize, Vec<f64>)], std: f64| {
+            let mut weights = none();
+            entries.iter().for_each(|(index, entry)| weights[*index].clone_from(entry));
+            add_noise(&mut result[which], &weights, std);
+        };
+        let (travel, heading) = (noise_of(&s.travel), noise_of(&s.heading));
+        add(0, &[(M, psi.clone())], noise_of(&s.ahead));
+        add(0, &[(D, scaled(psi1, -1.0)), (UNKNOWNS, scaled(psi2, -chair.rotating_mass))], travel);
+        add(0, &[(M, scaled(psi2, dy))], heading);
+        add(0, &[(UNKNOWNS, psi.clone())], noise_of(&s.force));
+        add(1, &[(ML, psi.clone())], noise_of(&s.left));
+        let on_heading = [
+            (IP, psi2.clone()),
+            (B, scaled(psi1, -1.0)),
+            (ML, scaled(psi2, -dx)),
+            (UNKNOWNS, scaled(psi2, -chair.rotating_inertia)),
+        ];
+        add(1, &on_heading, heading);
+        add(1, &[(UNKNOWNS, psi.clone())], noise_of(&s.moment));
+        result
+    }
+}
+
+/// Both groups of rows over all logs.
+pub fn groups(logs: &[Windows], chair: &Chair) -> Vec<Rows> {
+    let mut force = Rows::new("force", "N.s", UNKNOWNS);
+    let mut moment = Rows::new("moment", "N.m.s", UNKNOWNS);
+    for log in logs {
+        let first = force.cluster.last().map_or(0, |last| last + 1);
+        for (k, start) in log.starts().enumerate() {
+            let cluster = first + (k / OVERLAP) as u32;
+            let (row, rhs) = log.force(chair, start);
+            force.push(&row, rhs, cluster);
+            let (row, rhs) = log.moment(chair, start);
+            moment.push(&row, rhs, cluster);
+        }
+    }
+    let samples: f64 = logs.iter().map(|log| log.signals.len() as f64).sum();
+    for (which, group) in [&mut force, &mut moment].into_iter().enumerate() {
+        group.noise = vec![0.0; (UNKNOWNS + 1).pow(2)];
+        for log in logs {
+            let share = log.signals.len() as f64 / samples;
+            group.noise.iter_mut().zip(&log.noise(chair)[which]).for_each(|(sum, value)| *sum += share * value);
+        }
+    }
+    vec![force, moment]
+}
