@@ -7,7 +7,8 @@
 //! u_r - irot r' = IP r' + B r + tauc sgn r + ML a_yC + c2      a_yC = a_y - dx r' + dy r^2
 //! ```
 //!
-//! with `sgn = tanh(. / 0.03)`, `ML = M l`, `IP = Ic + M l^2`, and the accelerometer's biases in
+//! with `sgn` the smooth sign of the estimator's model (`rolling.smoothing_speed` and
+//! `rolling.smoothing_yaw_rate`), `ML = M l`, `IP = Ic + M l^2`, and the accelerometer's biases in
 //! `c1 = -M b_ax`, `c2 = -ML b_ay`. Each is multiplied with a bump and integrated by parts; no signal is
 //! differentiated but the smoothed ones in `sgn` and `r^2`.
 
@@ -42,8 +43,6 @@ pub const C2: usize = 8;
 pub const OVERLAP: usize = 4;
 /// Length of a window, s.
 const WINDOW: f64 = 1.0;
-/// Speed, m/s, and yaw rate, rad/s, over which dry friction changes its sign.
-const SIGN: f64 = 0.03;
 
 /// A window's bump, the signals it goes over, and the chair.
 pub struct Windows {
@@ -84,7 +83,7 @@ impl Windows {
         let mut row = [0.0; UNKNOWNS];
         row[M] = int(0, &|i| s.ahead[i]) + dy * int(2, &|i| s.heading[i]) + dx * r_squared;
         row[D] = -int(1, &|i| s.travel[i]);
-        row[FC] = int(0, &|i| (s.speed[i] / SIGN).tanh());
+        row[FC] = int(0, &|i| (s.speed[i] / chair.smoothing_speed).tanh());
         row[ML] = -r_squared;
         row[C1] = int(0, &|_| 1.0);
         (row, int(0, &|i| s.force[i]) - chair.rotating_mass * int(2, &|i| s.travel[i]))
@@ -98,7 +97,7 @@ impl Windows {
         let mut row = [0.0; UNKNOWNS];
         row[IP] = turning;
         row[B] = -int(1, &|i| s.heading[i]);
-        row[TAUC] = int(0, &|i| (s.yaw_rate[i] / SIGN).tanh());
+        row[TAUC] = int(0, &|i| (s.yaw_rate[i] / chair.smoothing_yaw_rate).tanh());
         row[ML] = int(0, &|i| s.left[i]) - dx * turning + dy * int(0, &|i| s.yaw_rate[i] * s.yaw_rate[i]);
         row[C2] = int(0, &|_| 1.0);
         (row, int(0, &|i| s.moment[i]) - chair.rotating_inertia * turning)
