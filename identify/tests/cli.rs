@@ -201,3 +201,55 @@ fn a_misspelt_channel_in_a_map_is_pointed_out() {
         "map.toml: speed: the unit leads to N.m, but nursing-robot takes speed in m/s",
     );
 }
+
+#[test]
+fn a_fit_writes_all_its_files_and_starts_from_an_earlier_one() {
+    let folder = TempDir::new().unwrap();
+    let log = "simulate nursing-robot --scenario identification --seed 4 --out log.csv";
+    assert_eq!(identify(folder.path(), log).status.code(), Some(0));
+    let output = identify(folder.path(), "fit nursing-robot log.csv --out fit.json --ssv fit.ssv --report fit.html");
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert_eq!(text(&output.stderr), "", "no progress bar without a terminal");
+    assert_eq!(files(folder.path()), ["fit.html", "fit.json", "fit.ssv", "log.csv"]);
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&read("fit.json")).unwrap();
+    assert_eq!(json["vehicle"], "nursing-robot");
+    assert_eq!(json["logs"][0]["file"], "log.csv");
+    let table = text(&output.stdout);
+    for (name, parameter) in json["parameters"].as_object().unwrap() {
+        assert!(table.contains(name.as_str()) && read("fit.html").contains(name.as_str()), "{name}");
+        let identified = parameter["identified"] == true;
+        assert_eq!(read("fit.ssv").contains(&format!("name=\"{name}\"")), identified, "{name}");
+    }
+    let again = "fit nursing-robot log.csv --params fit.json --only rolling.coefficient,robot.drive_efficiency --out again.json";
+    assert!(matches!(identify(folder.path(), again).status.code(), Some(0 | 1)));
+    let json: serde_json::Value = serde_json::from_str(&read("again.json")).unwrap();
+    assert_eq!(json["parameters"].as_object().unwrap().len(), 2);
+    for (arguments, words) in [
+        ("--only no.such", "no.such"),
+        ("--set robot.mas=3", "robot.mass"),
+        ("--set robot.mass=-3", "robot.mass = -3"),
+        ("--set mass.law=sometimes", "exponential"),
+    ] {
+        assert_refused(folder.path(), &format!("fit nursing-robot log.csv {arguments} --out new.json"), words);
+    }
+}
+
+#[test]
+fn a_log_without_excitation_ends_with_warnings() {
+    let folder = TempDir::new().unwrap();
+    let mut csv = "time,torque_left,torque_right,speed,yaw_rate,tilt,tilt_rate,roll,roll_rate\n".to_owned();
+    for k in 0..4000 {
+        csv += &format!("{},0,0,0,0,0,0,0,0\n", f64::from(k) / 100.0);
+    }
+    std::fs::write(folder.path().join("still.csv"), csv).unwrap();
+    let output = identify(folder.path(), "fit nursing-robot still.csv --out fit.json --ssv fit.ssv --report fit.html");
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    let json = std::fs::read_to_string(folder.path().join("fit.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let parameters = json["parameters"].as_object().unwrap();
+    assert!(!parameters.is_empty() && parameters.values().all(|p| p["identified"] == false), "{json}");
+    assert!(!json["warnings"].as_array().unwrap().is_empty());
+    let ssv = std::fs::read_to_string(folder.path().join("fit.ssv")).unwrap();
+    assert!(!ssv.contains("<ssv:Real"), "{ssv}");
+}

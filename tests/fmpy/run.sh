@@ -13,6 +13,7 @@ site=$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"
 export LIBCLANG_PATH="${LIBCLANG_PATH:-$site/clang/native}"
 export BINDGEN_EXTRA_CLANG_ARGS="${BINDGEN_EXTRA_CLANG_ARGS:--I$(cc -print-file-name=include)}"
 cargo build --quiet -p wheelstate-fmu --features import --bins --lib --example native
+cargo build --quiet -p wheelstate-identify
 
 target=$(cargo metadata --format-version 1 --no-deps | .venv/bin/python -c 'import json,sys; print(json.load(sys.stdin)["target_directory"])')
 fmus=$(mktemp -d)
