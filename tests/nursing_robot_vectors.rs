@@ -4,9 +4,10 @@
 mod support;
 
 use support::{assert_close, vector_table};
+use wheelstate::Estimator;
 use wheelstate::estimator::nursing_robot::mass::{MassEstimator, MassSample};
 use wheelstate::estimator::nursing_robot::sway::{SwayBelief, SwayEstimator, SwaySample};
-use wheelstate::estimator::nursing_robot::{Law, Parameters, SwayModel};
+use wheelstate::estimator::nursing_robot::{Inputs, Law, NursingRobot, Outputs, Parameters, SwayModel};
 
 const DT: f64 = 0.01;
 
@@ -133,4 +134,29 @@ fn sway_with_the_sound_model_and_adapted_noise() {
 #[test]
 fn sway_with_tilt_and_tilt_rate() {
     sway_follows("ukf_sound_d_imu", |p| (p.sway.use_tilt, p.sway.use_tilt_rate) = (true, true));
+}
+
+/// The whole estimator as declared gives the masses of the reference, whatever the sway filter does.
+#[test]
+fn the_estimator_as_declared_gives_the_reference_masses() {
+    let log = vector_table("0-nursing-robot/input_log.csv");
+    let expected = vector_table("0-nursing-robot/taffrls_exp_comp.csv");
+    let mut estimator = NursingRobot::new(&Parameters::default()).unwrap();
+    let mut out = Outputs::default();
+    for row in 0..log.rows.len() {
+        let inputs = Inputs {
+            torque_left: log.at(row, "tau_l"),
+            torque_right: log.at(row, "tau_r"),
+            speed: log.at(row, "v"),
+            yaw_rate: log.at(row, "omega"),
+            ..Inputs::default()
+        };
+        estimator.step(&inputs, DT);
+        estimator.outputs(&inputs, 0.0, &mut out);
+        let mass = expected.at(row, "m_h");
+        assert_eq!(out.mass_valid, mass.is_finite(), "row {row}");
+        assert_close(&format!("row {row}"), out.load_mass, if mass.is_nan() { 70.0 } else { mass }, 1e-9, 1e-9);
+        assert_eq!(out.mass_status, expected.at(row, "status") as i32, "row {row}");
+        assert_close("forgetting", out.forgetting_factor, expected.at(row, "lambda"), 1e-9, 1e-9);
+    }
 }

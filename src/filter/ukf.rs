@@ -77,8 +77,10 @@ impl<const N: usize> Belief<N> {
         Some(repaired)
     }
 
-    /// Compares the samples with the prediction.
-    pub fn innovation<const M: usize>(&self, channels: &[Channel; M]) -> Innovation<M> {
+    /// What the samples make of this prediction: the posterior, and the innovation by which the caller may
+    /// decide to leave it. Independent channels are taken one after the other, which equals taking them
+    /// jointly.
+    pub fn updated<const M: usize>(&self, channels: &[Channel; M]) -> (Self, Innovation<M>) {
         let mut after = *self;
         let mut innovation = Innovation { residual: [0.0; M], variance: [0.0; M], available: 0, nis: 0.0 };
         for (i, channel) in channels.iter().enumerate() {
@@ -90,14 +92,7 @@ impl<const N: usize> Belief<N> {
             innovation.available += 1;
             innovation.nis += after.take(channel);
         }
-        innovation
-    }
-
-    /// Takes the samples of all channels that have one.
-    pub fn update<const M: usize>(&mut self, channels: &[Channel; M]) {
-        for channel in channels.iter().filter(|channel| !channel.sample.is_nan()) {
-            self.take(channel);
-        }
+        (after, innovation)
     }
 
     /// Takes one sample and returns its squared normalised innovation.

@@ -372,7 +372,7 @@ impl SwayEstimator {
             sample: if self.use_channel[i] { z[i] } else { f64::NAN },
             variance: state.noise.variance[i],
         });
-        let innovation = belief.innovation(&channels);
+        let (posterior, innovation) = belief.updated(&channels);
         (state.nis, state.channels) = (innovation.nis, innovation.available as u8);
         let wanted = self.use_channel.iter().filter(|used| **used).count();
         let complete = innovation.available == wanted;
@@ -393,7 +393,7 @@ impl SwayEstimator {
             }
         } else {
             state.rejected = 0;
-            belief.update(&channels);
+            *belief = posterior;
             if self.adaptive && complete {
                 let residual = channels.map(|c| c.sample - belief.mean[c.index]);
                 let posterior = channels.map(|c| belief.covariance[(c.index, c.index)]);
