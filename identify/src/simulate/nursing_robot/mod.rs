@@ -1,8 +1,8 @@
 //! Simulated drives of the nursing robot.
 //!
 //! The log has the estimator's inputs as a robot would measure them, and `true_*` channels: the truth
-//! sample by sample, and constant channels `true_<parameter>` for the parameters that identification
-//! can find. In the scenario `identification` the patient has been weighed and measured, so mass and
+//! sample by sample, and constant channels `true_<parameter>` for the parameters that are drawn or that
+//! identification can find. In the scenario `identification` the patient has been weighed and measured, so mass and
 //! body dimensions are those declared or set; in the others they are drawn too.
 
 mod settings;
@@ -224,8 +224,10 @@ const TRUTH: [&str; 12] = [
     "true_rolling_resistance",
 ];
 
-/// Parameters that identification can find; their truth goes into the log as constant channels.
-const IDENTIFIED: [&str; 8] = [
+/// Parameters that are drawn or can be identified; their truth goes into the log as constant channels.
+const CONSTANTS: [&str; 10] = [
+    "human.com_height",
+    "human.gyration_radius",
     "human.stiffness_pitch",
     "human.damping_pitch",
     "human.rest_pitch",
@@ -305,7 +307,7 @@ impl Recorder {
         }
         let values = truth.to_vec();
         for (variable, value) in Parameters::declare().iter().zip(values) {
-            if IDENTIFIED.contains(&variable.name.as_str()) {
+            if CONSTANTS.contains(&variable.name.as_str()) {
                 self.log.push(&format!("true_{}", variable.name), vec![value; self.log.len()]);
             }
         }
