@@ -55,7 +55,7 @@ pub struct Core {
     /// Time derivatives of the inputs, for the next step only.
     pub(crate) slopes: Vec<f64>,
     pub(crate) sloped: bool,
-    /// The inputs of the last sample.
+    /// The inputs of the last sample, brought up to date when the state is copied.
     pub(crate) held: Vec<f64>,
     pub(crate) outputs: Vec<f64>,
     /// The parameters have changed since the estimator was built.
@@ -189,7 +189,8 @@ impl Instance {
             self.machine.build(&self.core.parameters).map_err(|error| Refusal::error(error.to_string()))?;
             self.period = self.machine.sample_period();
             self.core.stale = false;
-            self.machine.outputs(&self.core.inputs, 0.0, &mut self.core.outputs);
+            self.machine.hold(&self.core.inputs);
+            self.machine.outputs(0.0, &mut self.core.outputs);
         }
         Ok(())
     }
@@ -344,8 +345,8 @@ impl Instance {
         let half = 0.5e-3 * self.period;
         let (early, late) = ((ahead - half).max(0.0), ahead + half);
         let (mut low, mut high) = (self.core.outputs.clone(), self.core.outputs.clone());
-        self.machine.outputs(&self.core.held, early, &mut low);
-        self.machine.outputs(&self.core.held, late, &mut high);
+        self.machine.outputs(early, &mut low);
+        self.machine.outputs(late, &mut high);
         for (&reference, value) in references.iter().zip(values) {
             if let Some(Place::Output(index)) = self.model.place(reference) {
                 *value = (high[index] - low[index]) / (late - early);
@@ -370,7 +371,7 @@ impl Instance {
         let core = &mut self.core;
         let until = core.clock.advance(point, size, self.period);
         if core.clock.samples() < until {
-            core.held.copy_from_slice(&core.inputs);
+            self.machine.hold(&core.inputs);
         }
         while core.clock.samples() < until {
             let after = core.clock.tick(self.period);
@@ -378,22 +379,27 @@ impl Instance {
                 for ((held, input), slope) in core.held.iter_mut().zip(&core.inputs).zip(&core.slopes) {
                     *held = input + slope * after;
                 }
+                self.machine.hold(&core.held);
             }
-            self.machine.step(&core.held);
+            self.machine.step();
         }
         if core.sloped {
             core.slopes.fill(0.0);
             core.sloped = false;
         }
-        self.machine.outputs(&core.held, core.clock.ahead(self.period), &mut core.outputs);
+        self.machine.outputs(core.clock.ahead(self.period), &mut core.outputs);
         Ok(())
     }
 
     fn check_step(&self, point: f64, size: f64) -> Answer<()> {
-        let (now, tolerance) = (self.core.clock.now(), self.core.clock.tolerance(self.period));
+        let now = self.core.clock.now();
         if !(size > 0.0 && size.is_finite()) {
             return Err(Refusal::error(format!("communicationStepSize = {size} s must be positive and finite")));
         }
+        if point == now && self.core.stop.is_none() {
+            return Ok(());
+        }
+        let tolerance = self.core.clock.tolerance(self.period);
         if point.is_nan() || (point - now).abs() > tolerance {
             let text = format!("currentCommunicationPoint = {point} s, but the last step ended at {now} s");
             return Err(Refusal::error(text));

@@ -15,10 +15,14 @@ pub trait Machine {
     fn retune(&mut self, parameters: &[f64]) -> Result<(), ParameterError>;
     /// Time between two samples, s; 0 before [`build`](Self::build).
     fn sample_period(&self) -> f64;
-    /// Takes one sample, `sample_period` after the one before.
-    fn step(&mut self, inputs: &[f64]);
-    /// The estimates `ahead` seconds after the last sample with these inputs held.
-    fn outputs(&mut self, inputs: &[f64], ahead: f64, outputs: &mut [f64]);
+    /// Takes over inputs, which hold until others come.
+    fn hold(&mut self, inputs: &[f64]);
+    /// The held inputs.
+    fn held(&self, inputs: &mut [f64]);
+    /// Takes one sample of the held inputs, `sample_period` after the one before.
+    fn step(&mut self);
+    /// The estimates `ahead` seconds after the last sample.
+    fn outputs(&mut self, ahead: f64, outputs: &mut [f64]);
     /// Copies the state into `slot`, reusing what is there; `None` before [`build`](Self::build).
     fn save(&self, slot: &mut Option<Saved>);
     /// Continues from a state of an estimator with equal parameters.
@@ -68,17 +72,23 @@ impl<E: Estimator + 'static> Machine for Typed<E> {
         self.estimator.as_ref().map_or(0.0, E::sample_period)
     }
 
-    fn step(&mut self, inputs: &[f64]) {
+    fn hold(&mut self, inputs: &[f64]) {
+        self.inputs.read(inputs);
+    }
+
+    fn held(&self, inputs: &mut [f64]) {
+        self.inputs.write(inputs);
+    }
+
+    fn step(&mut self) {
         if let Some(estimator) = &mut self.estimator {
-            self.inputs.read(inputs);
             let period = estimator.sample_period();
             estimator.step(&self.inputs, period);
         }
     }
 
-    fn outputs(&mut self, inputs: &[f64], ahead: f64, outputs: &mut [f64]) {
+    fn outputs(&mut self, ahead: f64, outputs: &mut [f64]) {
         if let Some(estimator) = &self.estimator {
-            self.inputs.read(inputs);
             estimator.outputs(&self.inputs, ahead, &mut self.outputs);
             self.outputs.write(outputs);
         }

@@ -64,6 +64,7 @@ impl Instance {
     /// `fmi2GetFMUstate`; overwrites the state of `handle` unless that is 0.
     pub fn get_state(&mut self, handle: usize) -> Answer<usize> {
         let (number, snapshot) = self.snapshots.slot(handle)?;
+        self.machine.held(&mut self.core.held);
         match &mut snapshot.core {
             Some(core) => core.clone_from(&self.core),
             None => snapshot.core = Some(self.core.clone()),
@@ -90,6 +91,7 @@ impl Instance {
             }
         }
         self.core.clone_from(core);
+        self.machine.hold(&core.held);
         Ok(())
     }
 

@@ -45,7 +45,8 @@ pub fn find(catalogue: Catalogue, guid: &str, resource_location: Option<&str>) -
     let Some(mut model) = catalogue(&|known| name_part(known) == *name).pop() else {
         return Err(format!("the GUID '{guid}' belongs to no model of this library"));
     };
-    if interface.join("-") != interface_part(&model) {
+    let own = interface_part(&model);
+    if interface.join("-") != own {
         let version = env!("CARGO_PKG_VERSION");
         return Err(format!(
             "the GUID '{guid}' is of another version of {}; this is wheelstate {version} with {}",
@@ -53,11 +54,12 @@ pub fn find(catalogue: Catalogue, guid: &str, resource_location: Option<&str>) -
             of(&model)
         ));
     }
-    if of(&model) == guid {
+    let fits = |model: &Model| guid == format!("{{{name}-{own}-{}}}", start_part(model));
+    if fits(&model) {
         return Ok(model);
     }
     resources::load(&mut model, guid, resource_location)?;
-    if of(&model) == guid {
+    if fits(&model) {
         return Ok(model);
     }
     Err(format!("{} in the FMU's resources does not belong to the GUID '{guid}'", resources::FILE))

@@ -88,23 +88,23 @@ fn fmu(bencher: Bencher, instance: &Instance, period: f64) {
 }
 
 /// The step of a machine that does next to nothing: what is left is the wrapper.
-#[divan::bench]
+#[divan::bench(sample_size = 1000)]
 fn native_lag(bencher: Bencher) {
     native::<support::Lag>(bencher);
 }
 
-#[divan::bench]
+#[divan::bench(sample_size = 1000)]
 fn fmu_lag(bencher: Bencher) {
     let model = Model::of::<support::Lag>();
     fmu(bencher, &Instance::of(support::catalogue, &model), model.sample_period());
 }
 
-#[divan::bench(args = MODELS)]
+#[divan::bench(args = MODELS, sample_size = 100)]
 fn native_step(bencher: Bencher, name: &str) {
     wheelstate::estimator::visit_all(&mut Native { name, bencher: Some(bencher) });
 }
 
-#[divan::bench(args = MODELS)]
+#[divan::bench(args = MODELS, sample_size = 100)]
 fn fmu_step(bencher: Bencher, name: &str) {
     if let Some(model) = model(name) {
         fmu(bencher, &Instance::of(models, &model), model.sample_period());
@@ -120,7 +120,7 @@ fn instantiate(bencher: Bencher, name: &str) {
 }
 
 /// Copying the state into a handle that exists.
-#[divan::bench(args = MODELS)]
+#[divan::bench(args = MODELS, sample_size = 100)]
 fn get_state(bencher: Bencher, name: &str) {
     if let Some(model) = model(name) {
         let instance = Instance::of(models, &model);
