@@ -62,7 +62,7 @@ fn a_running_instance_allocates_nothing() {
         for k in 0..300 {
             let before = CALLS.get();
             let input = |i: usize| {
-                if measured[i] && (k + i) % 11 == 0 { f64::NAN } else { (0.1 * k as f64 + i as f64).sin() }
+                if measured[i] && (k + i).is_multiple_of(11) { f64::NAN } else { (0.1 * k as f64 + i as f64).sin() }
             };
             instance.set(Type::Real, &references, input).unwrap();
             let size = period * [1.0, 0.3, 2.7][k % 3];
