@@ -3,8 +3,8 @@
 
 use super::coordinates::{Map, unknowns};
 use super::parameters::{Adaptation, Form, Kind, Parameters, Radii};
-use super::supervision::{Fading, Supervision};
-use crate::filter::square_root::{absorb_diagonal, andrews, array, joseph, std_of};
+use super::supervision::{Fading, SlipLimits, Supervision};
+use crate::filter::square_root::{absorb_diagonal, andrews, array, joseph, std_of, tria};
 use crate::filter::srukf::{Gaussian, Spread, SpreadError, predict_linearised};
 use crate::model::wheel_loader::{Drive, Loader, Motion, Unknowns};
 use nalgebra::{SMatrix, SVector, Vector3};
@@ -43,8 +43,8 @@ pub struct Engine {
     adaptation: Adaptation,
     fading: Fading,
     start: Belief,
-    /// The largest slip stiffness that the start values leave room for.
-    pub largest_stiffness: f64,
+    /// The slip that torque must cause.
+    pub slip_limits: SlipLimits,
     /// Standard deviation of the height before the first sample, m.
     pub start_height_std: f64,
 }
@@ -124,7 +124,11 @@ impl Engine {
             adaptation: filter.adaptation.clone(),
             fading: Fading::new(&filter.adaptation, p.sample_period),
             start: Gaussian::independent(mean, &SVector::from(std)),
-            largest_stiffness: map.largest_stiffness(theta[0], 3.0 * std[3]),
+            slip_limits: SlipLimits {
+                largest_stiffness: map.largest_stiffness(theta[0], 2.0 * std[3]),
+                ratio: p.start.cg_ratio,
+                radius_std,
+            },
             start_height_std: p.start.cg_height_std,
         })
     }
@@ -154,16 +158,15 @@ impl Engine {
         let rolling = (0..2).map(|i| r[i] * y[i + 1]).find(|speed| speed.is_finite());
         let v = if y[0].is_finite() { y[0] } else { rolling.unwrap_or(0.0) };
         let motion = [v, v / r[0], v / r[1]];
+        // Nothing ties the unknowns to a motion that begins anew; their own covariance stays.
+        let unknowns = tria(belief.factor.fixed_rows::<5>(3).into_owned());
+        belief.factor.fill(0.0);
+        belief.factor.fixed_view_mut::<5, 5>(3, 3).copy_from(&unknowns);
         for i in 0..3 {
             let measured = y[i].is_finite();
             let std = if measured { self.start.factor[(i, i)] } else { self.maximum[i] };
             belief.mean[i] = if measured { y[i] } else { motion[i] };
-            belief.factor.row_mut(i).fill(0.0);
             belief.factor[(i, i)] = std;
-            // Nothing ties the unknowns to a motion that begins anew.
-            for row in 3..STATES {
-                belief.factor[(row, i)] = 0.0;
-            }
         }
     }
 
@@ -207,14 +210,14 @@ impl Engine {
         let mut noise = SMatrix::<f64, 3, 3>::identity();
         let mut outcome = Outcome::default();
         let mut used = 0;
-        let measurement = self.measurement(&predicted, y, dt, supervision);
+        let (level, measurement) = self.measurement(&predicted, y, dt, supervision);
         let mut protect = held;
         for i in 0..3 {
             if !y[i].is_finite() {
                 continue;
             }
             let innovation = y[i] - predicted.mean[i];
-            let deviation = std_of(&predicted.factor, i).hypot(measurement[i]);
+            let deviation = std_of(&predicted.factor, i).hypot(level[i]);
             if self.supervise && innovation.abs() > self.gate * deviation {
                 supervision.masked[i] = supervision.masked[i].saturating_add(1);
                 if supervision.masked[i] <= self.gate_samples {
@@ -258,41 +261,44 @@ impl Engine {
     }
 
     /// Standard deviations of the measurements, raised where the slip innovations of the last second
-    /// show more noise, or slower noise, than the settings expect: tyres that bounce.
+    /// show more noise, or slower noise, than the settings expect: tyres that bounce. The first is the
+    /// present noise level, the second also counts a single large innovation less (Huber).
     fn measurement<const N: usize>(
         &self,
         predicted: &Gaussian<N>,
         y: &[f64; 3],
         dt: f64,
         supervision: &mut Supervision,
-    ) -> Vector3<f64> {
-        let mut std = self.measurement;
+    ) -> (Vector3<f64>, Vector3<f64>) {
+        let given = self.measurement;
         if !self.supervise || !self.adaptation.enabled {
-            return std;
+            return (given, given);
         }
+        let (mut level, mut weighted) = (given, given);
         let fading = if dt == self.fading.dt { self.fading } else { Fading::new(&self.adaptation, dt) };
-        let mut common: f64 = 1.0;
+        let mut common = (1.0_f64, 1.0_f64);
         for i in 0..2 {
             let r = self.loader.wheel_radius[i];
             let e = r * (y[i + 1] - predicted.mean[i + 1]) - (y[0] - predicted.mean[0]);
             if !e.is_finite() {
                 continue;
             }
-            let sensors = (r * std[i + 1]).powi(2) + self.measurement[0].powi(2);
+            let sensors = (r * given[i + 1]).powi(2) + given[0].powi(2);
             let mut belief = 0.0;
             for j in 0..=i + 1 {
                 belief += (r * predicted.factor[(i + 1, j)] - predicted.factor[(0, j)]).powi(2);
             }
             let roughness = &mut supervision.roughness[i];
             roughness.take(e, sensors, belief, &self.adaptation, &fading);
-            let mut ratio = roughness.ratio(&self.adaptation);
+            let ratio = roughness.ratio(&self.adaptation);
             let size = e.abs() / (self.adaptation.huber * (sensors * ratio * ratio + belief).sqrt());
-            ratio *= size.max(1.0);
-            std[i + 1] *= ratio;
-            common = common.max(ratio);
+            level[i + 1] *= ratio;
+            weighted[i + 1] *= ratio * size.max(1.0);
+            common = (common.0.max(ratio), common.1.max(ratio * size.max(1.0)));
         }
-        std[0] *= common;
-        std
+        level[0] *= common.0;
+        weighted[0] *= common.1;
+        (level, weighted)
     }
 
     /// Time update while nothing is learnt: the motion walks, the unknowns keep mean and covariance.

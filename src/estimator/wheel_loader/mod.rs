@@ -181,8 +181,9 @@ impl WheelLoader {
             status.raise_if(reasons.standstill, Status::STANDSTILL);
             status.raise_if(reasons.spin, Status::SLIP);
             if !reasons.standstill && !reasons.spin {
-                let largest = self.engine.largest_stiffness;
-                let raised = supervision.evidence.take(&machine, drive, y, self.parameters.start.cg_ratio, largest, dt);
+                // The radii as given: corrected ones have learnt from the same data.
+                let (loader, limits) = (&self.engine.loader, &self.engine.slip_limits);
+                let raised = supervision.evidence.take(loader, drive, y, limits, dt);
                 if raised {
                     // What was learnt from contradictory data is forgotten.
                     self.forget();

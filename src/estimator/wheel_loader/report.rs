@@ -66,7 +66,7 @@ impl WheelLoader {
         out.wheel_radius_rear_std = engine.loader.wheel_radius[1] * std_of(&state.belief.factor, 7);
         out.speed_estimate = motion[0];
         out.speed_estimate_std = std_of(&state.belief.factor, 0);
-        let standing = !state.started || state.status.contains(Status::STANDSTILL);
+        let standing = !state.started || (held && motion[0].abs() < self.parameters.hold.resume_speed);
         (out.load_ratio, out.load_ratio_std) =
             load_ratio(engine, &state.belief, &machine, &motion, &unknowns, &drive, standing);
         out.hold = held;

@@ -119,6 +119,17 @@ impl Supervision {
     }
 }
 
+/// What the start values say about the slip that torque must cause.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlipLimits {
+    /// The largest slip stiffness that they leave room for.
+    pub largest_stiffness: f64,
+    /// Share of the load on the front axle.
+    pub ratio: f64,
+    /// Relative standard deviation of the radii; 0 if they are taken as given.
+    pub radius_std: f64,
+}
+
 /// Regression of the measured slip on the friction that the torque demands, with fading memory.
 ///
 /// Slip must be at least the demand over the largest slip stiffness that the tyre can have. The mean
@@ -130,6 +141,7 @@ pub struct SlipEvidence {
     slip_demand: f64,
     demand_demand: f64,
     slip_slip: f64,
+    demand: f64,
     time: f64,
     /// Slip and torque contradict each other.
     pub contradicts: bool,
@@ -137,15 +149,7 @@ pub struct SlipEvidence {
 
 impl SlipEvidence {
     /// Takes the measured slip of a moving machine; returns true at the sample that raises the flag.
-    pub fn take(
-        &mut self,
-        loader: &Loader,
-        drive: &Drive,
-        y: &[f64; 3],
-        ratio: f64,
-        largest_stiffness: f64,
-        dt: f64,
-    ) -> bool {
+    pub fn take(&mut self, loader: &Loader, drive: &Drive, y: &[f64; 3], limits: &SlipLimits, dt: f64) -> bool {
         if !y.iter().all(|value| value.is_finite()) {
             return false;
         }
@@ -164,13 +168,15 @@ impl SlipEvidence {
                 self.slip_demand *= forget;
                 self.demand_demand *= forget;
                 self.slip_slip *= forget;
+                self.demand *= forget;
             }
-            let demand = force / (weight * if i == 0 { ratio } else { 1.0 - ratio });
+            let demand = force / (weight * if i == 0 { limits.ratio } else { 1.0 - limits.ratio });
             let (sigma, ..) = slip(y[0], y[i + 1], loader.wheel_radius[i], loader.slip_speed);
             self.samples += 1.0;
             self.slip_demand += sigma * demand;
             self.demand_demand += demand * demand;
             self.slip_slip += sigma * sigma;
+            self.demand += demand;
         }
         if !torque_acts {
             return false;
@@ -181,8 +187,10 @@ impl SlipEvidence {
         }
         let slope = self.slip_demand / self.demand_demand;
         let residual = (self.slip_slip - slope * self.slip_demand).max(0.0) / self.samples;
-        let error = (residual / self.demand_demand).sqrt();
-        let least = 1.0 / largest_stiffness;
+        // A radius that is wrong by up to one of its standard deviations looks like constant slip.
+        let radius = limits.radius_std / 3f64.sqrt() * self.demand / self.demand_demand;
+        let error = (residual / self.demand_demand + radius * radius).sqrt();
+        let least = 1.0 / limits.largest_stiffness;
         let raised = !self.contradicts && slope + CONFIDENCE * error < least;
         if raised {
             self.contradicts = true;
