@@ -324,9 +324,10 @@ fn long_cruising_does_not_collapse_the_covariance() {
 
 #[test]
 fn lively_driving_reveals_the_height() {
-    let p = Parameters { start: Start { cg_height: 1.1, ..Start::default() }, ..Parameters::default() };
+    let p =
+        Parameters { start: Start { cg_height: 1.1, cg_height_std: 0.2, ..Start::default() }, ..Parameters::default() };
     let mut estimator = begun(&p);
-    let outs = run(&mut estimator, &drive(240.0, 2.5, 15, |t, v| lively(t, v) + 3000.0 * (1.3 * t).sin()));
+    let outs = run(&mut estimator, &drive(240.0, 2.5, 15, |t, v| lively(t, v) + 1500.0 * (1.3 * t).sin()));
     let last = &outs[outs.len() - 1];
     println!("{:?}", unknowns(last));
     assert!(last.cg_height_observable && !last.status.contains(Status::UNOBSERVABLE));

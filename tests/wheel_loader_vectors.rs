@@ -42,6 +42,7 @@ fn as_in_the_study(p: &mut Parameters) {
     p.filter.radii = Radii::Fixed;
     (p.filter.measurement_std.speed, p.filter.measurement_std.wheel_speed) = (0.03, 0.05);
     p.filter.adaptation.enabled = false;
+    p.filter.minimum_std.cg_height = 0.02;
     p.hold.settle_time = 0.0;
 }
 

@@ -130,8 +130,8 @@ variables! {
     pub struct MinimumStd {
         /// Of the slip stiffness.
         slip_stiffness: f64 = 0.02, "1", [0.0, 10.0];
-        /// Of the centre of gravity's height.
-        cg_height: f64 = 0.02, "1", [0.0, 10.0];
+        /// Of the centre of gravity's height. Not smaller than what tyres that differ from the model can make of it.
+        cg_height: f64 = 0.1, "1", [0.0, 10.0];
         /// Of the centre of gravity's ratio.
         cg_ratio: f64 = 0.01, "1", [0.0, 10.0];
     }
