@@ -1,6 +1,7 @@
 //! Truth to test against: plants that are richer than the estimators' models and share no equation
 //! with them. Knows neither `model` nor `filter`, draws no random numbers: noise comes from outside.
 
+pub mod human_dynamics;
 pub mod nursing_robot;
 pub mod road;
 pub mod wheel_loader;

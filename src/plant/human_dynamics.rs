@@ -1,0 +1,311 @@
+//! A body of jointed segments as truth: positions, velocities and forces of every segment in the
+//! axes of an inertial frame, one vector equation at a time.
+//!
+//! Classical recursion of Newton and Euler: kinematics from the base outwards, forces from the tips
+//! inwards, each about the joint of its segment. Gravity is a force here, and nothing is a
+//! 6-vector. [`Body::forward`] solves the same equations for the accelerations.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Unit, Vector3};
+
+/// A segment behind one revolute joint; the base has none.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Segment {
+    /// Number of the segment that carries it; parents come first. None for the base.
+    pub parent: Option<usize>,
+    /// Place of its joint in the parent's axes, m.
+    pub origin: Vector3<f64>,
+    /// Axes at zero joint angle in the parent's axes.
+    pub rotation: Matrix3<f64>,
+    /// Axis of the joint, unit, in its own axes.
+    pub axis: Vector3<f64>,
+    /// Mass, kg.
+    pub mass: f64,
+    /// Centre of mass in its axes, m.
+    pub com: Vector3<f64>,
+    /// Rotational inertia about the centre of mass, kg m2.
+    pub inertia: Matrix3<f64>,
+}
+
+/// Motion of the base in the inertial frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BaseMotion {
+    /// Axes of the base.
+    pub rotation: Matrix3<f64>,
+    /// Angular velocity, rad/s.
+    pub rate: Vector3<f64>,
+    /// Angular acceleration, rad/s2.
+    pub angular_acceleration: Vector3<f64>,
+    /// Acceleration of its origin, m/s2.
+    pub acceleration: Vector3<f64>,
+}
+
+impl BaseMotion {
+    /// At rest, axes along the inertial ones.
+    pub fn rest() -> Self {
+        let zero = Vector3::zeros();
+        Self { rotation: Matrix3::identity(), rate: zero, angular_acceleration: zero, acceleration: zero }
+    }
+}
+
+/// A force and a moment of the surroundings on a segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Push {
+    /// Number of the segment.
+    pub segment: usize,
+    /// Where it acts, in the segment's axes, m.
+    pub at: Vector3<f64>,
+    /// Force in the inertial frame, N.
+    pub force: Vector3<f64>,
+    /// Moment in the inertial frame, N m.
+    pub moment: Vector3<f64>,
+}
+
+/// What a segment does, all in the inertial frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SegmentState {
+    /// Axes.
+    pub rotation: Matrix3<f64>,
+    /// Place of its joint relative to the base's origin, m.
+    pub position: Vector3<f64>,
+    /// Angular velocity, rad/s.
+    pub rate: Vector3<f64>,
+    /// Angular acceleration, rad/s2.
+    pub angular_acceleration: Vector3<f64>,
+    /// Acceleration of its joint, m/s2.
+    pub acceleration: Vector3<f64>,
+    /// Force that its joint (for the base: the seat or the ground) puts on it, N.
+    pub force: Vector3<f64>,
+    /// Moment of its joint on it about its joint, N m.
+    pub moment: Vector3<f64>,
+}
+
+impl SegmentState {
+    fn zero() -> Self {
+        let zero = Vector3::zeros();
+        Self {
+            rotation: Matrix3::identity(),
+            position: zero,
+            rate: zero,
+            angular_acceleration: zero,
+            acceleration: zero,
+            force: zero,
+            moment: zero,
+        }
+    }
+
+    /// What an accelerometer at a place in the segment's axes reads, in these axes, m/s2.
+    pub fn specific_force(&self, at: &Vector3<f64>, gravity: &Vector3<f64>) -> Vector3<f64> {
+        let arm = self.rotation * at;
+        let acceleration =
+            self.acceleration + self.angular_acceleration.cross(&arm) + self.rate.cross(&self.rate.cross(&arm));
+        self.rotation.transpose() * (acceleration - gravity)
+    }
+
+    /// A force and its moment about a place in the segment's axes, in these axes.
+    pub fn seen_at(&self, at: &Vector3<f64>, force: &Vector3<f64>, about_joint: &Vector3<f64>) -> [f64; 6] {
+        let moment = about_joint - (self.rotation * at).cross(force);
+        let (f, m) = (self.rotation.transpose() * force, self.rotation.transpose() * moment);
+        [f.x, f.y, f.z, m.x, m.y, m.z]
+    }
+}
+
+/// A body and its gravity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    /// The segments; number 0 is the base, segment k has joint k - 1.
+    pub segments: Vec<Segment>,
+    /// Gravity in the inertial frame, m/s2.
+    pub gravity: Vector3<f64>,
+}
+
+impl Body {
+    /// Number of joints.
+    pub fn joints(&self) -> usize {
+        self.segments.len() - 1
+    }
+
+    /// Mass of all segments, kg.
+    pub fn mass(&self) -> f64 {
+        self.segments.iter().map(|segment| segment.mass).sum()
+    }
+
+    /// Inverse dynamics: the torques that make this motion, and the state of every segment.
+    pub fn inverse(
+        &self,
+        base: &BaseMotion,
+        q: &[f64],
+        qd: &[f64],
+        qdd: &[f64],
+        pushes: &[Push],
+    ) -> (Vec<f64>, Vec<SegmentState>) {
+        let mut states = vec![SegmentState::zero(); self.segments.len()];
+        states[0].rotation = base.rotation;
+        states[0].rate = base.rate;
+        states[0].angular_acceleration = base.angular_acceleration;
+        states[0].acceleration = base.acceleration;
+        for (k, segment) in self.segments.iter().enumerate() {
+            let Some(p) = segment.parent else { continue };
+            let up = states[p];
+            let turn = Rotation3::from_axis_angle(&Unit::new_unchecked(segment.axis), q[k - 1]);
+            let rotation = up.rotation * segment.rotation * turn.matrix();
+            let axis = rotation * segment.axis;
+            let arm = up.rotation * segment.origin;
+            states[k] = SegmentState {
+                rotation,
+                position: up.position + arm,
+                rate: up.rate + axis * qd[k - 1],
+                angular_acceleration: up.angular_acceleration + axis * qdd[k - 1] + up.rate.cross(&(axis * qd[k - 1])),
+                acceleration: up.acceleration
+                    + up.angular_acceleration.cross(&arm)
+                    + up.rate.cross(&up.rate.cross(&arm)),
+                ..SegmentState::zero()
+            };
+        }
+        for (state, segment) in states.iter_mut().zip(&self.segments) {
+            let (w, alpha) = (state.rate, state.angular_acceleration);
+            let com = state.rotation * segment.com;
+            let acceleration = state.acceleration + alpha.cross(&com) + w.cross(&w.cross(&com));
+            let inertia = state.rotation * segment.inertia * state.rotation.transpose();
+            state.force = (acceleration - self.gravity) * segment.mass;
+            state.moment = inertia * alpha + w.cross(&(inertia * w)) + com.cross(&state.force);
+        }
+        for push in pushes {
+            let state = &mut states[push.segment];
+            let arm = state.rotation * push.at;
+            state.force -= push.force;
+            state.moment -= push.moment + arm.cross(&push.force);
+        }
+        let mut torque = vec![0.0; self.joints()];
+        for k in (1..self.segments.len()).rev() {
+            let own = states[k];
+            torque[k - 1] = (own.rotation * self.segments[k].axis).dot(&own.moment);
+            if let Some(p) = self.segments[k].parent {
+                let arm = own.position - states[p].position;
+                states[p].force += own.force;
+                states[p].moment += own.moment + arm.cross(&own.force);
+            }
+        }
+        (torque, states)
+    }
+
+    /// Forward dynamics: the joint accelerations under these torques. None if the inertia matrix is
+    /// not positive definite (a joint that moves no mass).
+    pub fn forward(
+        &self,
+        base: &BaseMotion,
+        q: &[f64],
+        qd: &[f64],
+        torque: &[f64],
+        pushes: &[Push],
+    ) -> Option<Vec<f64>> {
+        let n = self.joints();
+        let mut qdd = vec![0.0; n];
+        let (bias, _) = self.inverse(base, q, qd, &qdd, pushes);
+        let mut inertia = DMatrix::zeros(n, n);
+        let zero = vec![0.0; n];
+        let still = Body { segments: self.segments.clone(), gravity: Vector3::zeros() };
+        for j in 0..n {
+            qdd[j] = 1.0;
+            let (column, _) = still.inverse(&BaseMotion::rest(), q, &zero, &qdd, &[]);
+            inertia.set_column(j, &DVector::from_vec(column));
+            qdd[j] = 0.0;
+        }
+        let right = DVector::from_iterator(n, torque.iter().zip(&bias).map(|(t, b)| t - b));
+        Some(inertia.cholesky()?.solve(&right).as_slice().to_vec())
+    }
+}
+
+/// A rigid lump, in its own axes at its own origin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lump {
+    /// Mass, kg.
+    pub mass: f64,
+    /// Centre of mass, m.
+    pub com: Vector3<f64>,
+    /// Rotational inertia about the centre of mass, kg m2.
+    pub inertia: Matrix3<f64>,
+}
+
+/// A revolute joint between two lumps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hinge {
+    /// Lump that the joint hangs on.
+    pub parent: usize,
+    /// Lump that it carries, whose origin lies in the joint.
+    pub child: usize,
+    /// Place in the parent's axes, m.
+    pub origin: Vector3<f64>,
+    /// The child's axes at zero angle in the parent's.
+    pub rotation: Matrix3<f64>,
+    /// Unit axis in the child's axes.
+    pub axis: Vector3<f64>,
+}
+
+/// A body put together from lumps, standing on one of them.
+#[derive(Clone, Debug)]
+pub struct Rooted {
+    /// The body.
+    pub body: Body,
+    /// Segment of each lump.
+    pub segment: Vec<usize>,
+    /// Where each lump's origin is in its segment's axes, m.
+    pub place: Vec<Vector3<f64>>,
+    /// Hinge of each joint of the body.
+    pub hinge: Vec<usize>,
+}
+
+impl Rooted {
+    /// Walks from the lump `base` through all hinges; one that is walked backwards turns its carrier
+    /// about itself.
+    pub fn new(lumps: &[Lump], hinges: &[Hinge], base: usize, gravity: Vector3<f64>) -> Self {
+        let mut rooted = Self {
+            body: Body { segments: vec![], gravity },
+            segment: vec![usize::MAX; lumps.len()],
+            place: vec![Vector3::zeros(); lumps.len()],
+            hinge: vec![],
+        };
+        rooted.add(base, None, &lumps[base], Vector3::zeros());
+        let mut grown = true;
+        while grown {
+            grown = false;
+            for (h, hinge) in hinges.iter().enumerate() {
+                let known = [hinge.parent, hinge.child].map(|lump| rooted.segment[lump] != usize::MAX);
+                if known[0] == known[1] {
+                    continue;
+                }
+                grown = true;
+                rooted.hinge.push(h);
+                if known[0] {
+                    let up = rooted.segment[hinge.parent];
+                    let origin = rooted.place[hinge.parent] + hinge.origin;
+                    let joint = (up, origin, hinge.rotation, hinge.axis);
+                    rooted.add(hinge.child, Some(joint), &lumps[hinge.child], Vector3::zeros());
+                } else {
+                    // the carrier becomes the segment, its origin moves into the joint
+                    let up = rooted.segment[hinge.child];
+                    let joint =
+                        (up, rooted.place[hinge.child], hinge.rotation.transpose(), -(hinge.rotation * hinge.axis));
+                    rooted.add(hinge.parent, Some(joint), &lumps[hinge.parent], -hinge.origin);
+                }
+            }
+        }
+        rooted
+    }
+
+    fn add(
+        &mut self,
+        lump: usize,
+        joint: Option<(usize, Vector3<f64>, Matrix3<f64>, Vector3<f64>)>,
+        of: &Lump,
+        place: Vector3<f64>,
+    ) {
+        self.segment[lump] = self.body.segments.len();
+        self.place[lump] = place;
+        let (parent, origin, rotation, axis) = match joint {
+            Some((parent, origin, rotation, axis)) => (Some(parent), origin, rotation, axis),
+            None => (None, Vector3::zeros(), Matrix3::identity(), Vector3::z()),
+        };
+        let com = of.com + place;
+        self.body.segments.push(Segment { parent, origin, rotation, axis, mass: of.mass, com, inertia: of.inertia });
+    }
+}
