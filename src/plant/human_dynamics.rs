@@ -67,6 +67,8 @@ pub struct SegmentState {
     pub rotation: Matrix3<f64>,
     /// Place of its joint relative to the base's origin, m.
     pub position: Vector3<f64>,
+    /// Velocity of its joint relative to the base's origin, m/s.
+    pub velocity: Vector3<f64>,
     /// Angular velocity, rad/s.
     pub rate: Vector3<f64>,
     /// Angular acceleration, rad/s2.
@@ -85,6 +87,7 @@ impl SegmentState {
         Self {
             rotation: Matrix3::identity(),
             position: zero,
+            velocity: zero,
             rate: zero,
             angular_acceleration: zero,
             acceleration: zero,
@@ -153,6 +156,7 @@ impl Body {
             states[k] = SegmentState {
                 rotation,
                 position: up.position + arm,
+                velocity: up.velocity + up.rate.cross(&arm),
                 rate: up.rate + axis * qd[k - 1],
                 angular_acceleration: up.angular_acceleration + axis * qdd[k - 1] + up.rate.cross(&(axis * qd[k - 1])),
                 acceleration: up.acceleration

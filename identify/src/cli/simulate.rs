@@ -3,7 +3,7 @@
 use super::settings::{self, Setting};
 use super::{Outcome, Refusal, print};
 use crate::output::Outputs;
-use crate::simulate::{Request, scenarios, simulate};
+use crate::simulate::{Request, companions, scenarios, simulate};
 use crate::vehicle::Vehicle;
 use clap::Args;
 use std::path::PathBuf;
@@ -54,6 +54,9 @@ pub(super) fn run(args: &SimulateArgs) -> Result<Outcome, Refusal> {
     let log = simulate(args.vehicle, &request)?;
     let mut outputs = Outputs::new();
     outputs.file(out, |file| log.write(out, file))?;
+    for (ending, text) in companions(args.vehicle, &request)? {
+        outputs.text(&out.with_extension(ending), &text)?;
+    }
     outputs.commit()?;
     let (samples, channels) = (log.len(), log.channels.len());
     print(&format!("{}: {samples} samples, {:.2} s, {channels} channels\n", out.display(), log.duration()));

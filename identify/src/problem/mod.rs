@@ -33,6 +33,7 @@
 //! `validate` predicts measured signals with given parameters. [`fit`] calls `estimate` on the whole
 //! logs for the result, and again on the first 60 % of each log to `validate` on the rest.
 
+pub mod human_dynamics;
 pub mod known;
 pub mod noise;
 pub mod nursing_robot;
@@ -173,7 +174,9 @@ pub fn problem(vehicle: Vehicle) -> Option<Problem> {
     match vehicle {
         Vehicle::NursingRobot => Some(nursing_robot::PROBLEM),
         Vehicle::Wheelchair => Some(wheelchair::PROBLEM),
-        Vehicle::WheeledRobot | Vehicle::WheelLoader | Vehicle::HumanDynamics => None,
+        Vehicle::HumanDynamics => Some(human_dynamics::PROBLEM),
+        // One line per vehicle: `Vehicle::Wheelchair => Some(wheelchair::PROBLEM),`
+        Vehicle::WheeledRobot | Vehicle::WheelLoader => None,
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! One file per vehicle, each with its list of scenarios and one function that runs one of them.
 
+pub mod human_dynamics;
 pub mod nursing_robot;
 mod wheel_loader;
 mod wheelchair;
@@ -53,7 +54,7 @@ pub fn scenarios(vehicle: Vehicle) -> &'static [Scenario] {
         Vehicle::WheeledRobot => wheeled_robot::SCENARIOS,
         Vehicle::WheelLoader => wheel_loader::SCENARIOS,
         Vehicle::Wheelchair => wheelchair::SCENARIOS,
-        _ => &[],
+        Vehicle::HumanDynamics => human_dynamics::SCENARIOS,
     }
 }
 
@@ -64,9 +65,14 @@ pub fn simulate(vehicle: Vehicle, request: &Request) -> Result<Log, SimulateErro
         Vehicle::WheeledRobot => wheeled_robot::simulate(request),
         Vehicle::WheelLoader => wheel_loader::run(request),
         Vehicle::Wheelchair => wheelchair::simulate(request),
-        _ => Err(SimulateError::UnknownScenario {
-            asked: request.scenario.clone(),
-            known: scenarios(vehicle).iter().map(|s| s.name).collect::<Vec<_>>().join(", "),
-        }),
+        Vehicle::HumanDynamics => human_dynamics::simulate(request),
+    }
+}
+
+/// Files that a scenario writes beside its log: ending and text.
+pub fn companions(vehicle: Vehicle, request: &Request) -> Result<Vec<(&'static str, String)>, SimulateError> {
+    match vehicle {
+        Vehicle::HumanDynamics => human_dynamics::companions(request),
+        _ => Ok(vec![]),
     }
 }

@@ -255,10 +255,13 @@ impl Equations {
                     Sees::External(body) => seen(Kind::ExternalWrench, body),
                     Sees::Internal(body) => seen(Kind::ParentWrench, body),
                     Sees::Torque(body, k) => {
-                        builder.push(slot(body).range(Kind::Torque).start + k, Origin::Constant(1.0));
+                        builder.push(slot(body).range(Kind::Torque).start + k, Origin::Constant(sensor.map[(0, 0)]));
                     }
                     Sees::Coordinate(body, k) => {
-                        builder.push(slot(body).range(Kind::JointAcceleration).start + k, Origin::Constant(1.0));
+                        builder.push(
+                            slot(body).range(Kind::JointAcceleration).start + k,
+                            Origin::Constant(sensor.map[(0, 0)]),
+                        );
                     }
                     Sees::Ground | Sees::Reaction(_) | Sees::Velocity(_) => {
                         for (block, &(body, _)) in behind.iter().enumerate() {

@@ -1,0 +1,248 @@
+//! The human body: passive stiffness, damping and rest angle of every joint.
+//!
+//! A joint that is held by muscles at rest acts as a spring and a damper,
+//! `tau = -stiffness (q - rest) - damping qd`, which is linear in `stiffness`, `damping` and
+//! `stiffness * rest`. The torque is not measured: it comes from the estimator of the seated body,
+//! run over the log with the sensors that the log has (`use.*` set by the user override that), or
+//! from columns `tau_<joint>`, such as `identify estimate` writes, for any body.
+
+use super::{FitError, Judgement, Known, Prediction, Problem, Session, Target, Task};
+use crate::assess::Limits;
+use crate::log::Log;
+use crate::report::Trace;
+use crate::solve::{Regression, Rows, Unknown};
+use crate::vehicle::Vehicle;
+use wheelstate::estimator::human_dynamics::variables::{GROUPS, JOINTS};
+use wheelstate::estimator::human_dynamics::{HumanDynamics, Inputs, Outputs, Parameters};
+use wheelstate::{Estimator, Status, Variable, Variables};
+
+/// The problem.
+pub const PROBLEM: Problem = Problem { known, targets, estimate, validate };
+
+const PARTS: [(&str, &str); 3] = [("stiffness", "N.m/rad"), ("damping", "N.m.s/rad"), ("rest", "rad")];
+/// Largest standard deviation of the torques, as a share of their own spread, that still tells something.
+const BLUR: f64 = 0.3;
+/// Time over which the errors of the torques hang together, s.
+const CLUSTER: f64 = 0.25;
+
+fn known() -> Vec<Variable> {
+    Vehicle::HumanDynamics.parameters()
+}
+
+/// The joints of the logs: those of the seated body, or whatever has a torque of its own.
+fn joints(logs: &[Log]) -> Vec<String> {
+    let has = |name: &str| logs.iter().any(|log| log.channel(name).is_some());
+    let own = logs.first().into_iter().flat_map(|log| &log.channels).filter_map(|channel| {
+        let joint = channel.name.strip_prefix("q_")?;
+        has(&format!("tau_{joint}")).then(|| joint.to_owned())
+    });
+    let own: Vec<String> = own.collect();
+    if own.is_empty() { JOINTS.iter().map(|(name, ..)| (*name).to_owned()).collect() } else { own }
+}
+
+fn targets(logs: &[Log]) -> Vec<Target> {
+    let one = |joint: &String, (part, unit): (&str, &str)| {
+        let range = if part == "rest" { (-10.0, 10.0) } else { (0.0, 1e5) };
+        Target { name: format!("{part}.{joint}"), unit: unit.to_owned(), range, usual: true }
+    };
+    joints(logs).iter().flat_map(|joint| PARTS.map(|part| one(joint, part))).collect()
+}
+
+/// One joint over one log.
+struct Joint<'a> {
+    q: &'a [f64],
+    qd: &'a [f64],
+    tau: Vec<f64>,
+    std: Vec<f64>,
+}
+
+/// Torques and their standard deviations of the joints, in the order of [`JOINTS`], of one log.
+fn torques(log: &Log, known: &Known) -> Result<(Vec<Vec<f64>>, Vec<Vec<f64>>), FitError> {
+    let mut parameters = Parameters::default();
+    for variable in Parameters::declare() {
+        parameters.set(&variable.name, known.get(&variable.name))?;
+    }
+    let inputs = Inputs::declare();
+    // a group of sensors is used if the log has all its columns, unless the user said otherwise
+    for group in GROUPS {
+        let name = format!("use.{group}");
+        if !known.is_set(&name) {
+            let there = columns_of(group, &inputs).all(|column| log.channel(column).is_some());
+            parameters.set(&name, f64::from(u8::from(there)))?;
+        }
+    }
+    if let [first, second, ..] = log.time.as_slice()
+        && !known.is_set("sample_period")
+    {
+        parameters.set("sample_period", (second - first).clamp(1e-4, 1.0))?;
+    }
+    for (name, ..) in JOINTS {
+        log.require(&format!("q_{name}"))?;
+        if !parameters.differentiate {
+            log.require(&format!("qd_{name}"))?;
+        }
+    }
+    let channels: Vec<Option<&[f64]>> = inputs.iter().map(|input| log.channel(&input.name)).collect();
+    let mut estimator = HumanDynamics::new(&parameters)?;
+    let mut sample = Inputs::default();
+    let mut flat = sample.to_vec();
+    let mut outputs = Outputs::default();
+    let empty = || vec![Vec::with_capacity(log.len()); JOINTS.len()];
+    let (mut tau, mut std) = (empty(), empty());
+    for row in 0..log.len() {
+        for (slot, channel) in flat.iter_mut().zip(&channels) {
+            *slot = channel.map_or(*slot, |values| values[row]);
+        }
+        sample.read(&flat);
+        let dt = if row == 0 { parameters.sample_period } else { log.time[row] - log.time[row - 1] };
+        let status = estimator.step(&sample, dt);
+        estimator.outputs(&sample, 0.0, &mut outputs);
+        let known = !status.contains(Status::SKIPPED);
+        for joint in 0..JOINTS.len() {
+            tau[joint].push(if known { outputs.tau[joint] } else { f64::NAN });
+            std[joint].push(if known { outputs.tau_std[joint] } else { f64::NAN });
+        }
+    }
+    Ok((tau, std))
+}
+
+/// The inputs of a group of sensors.
+fn columns_of<'a>(group: &'a str, inputs: &'a [Variable]) -> impl Iterator<Item = &'a str> {
+    inputs.iter().map(|input| input.name.as_str()).filter(move |name| match group {
+        "joint_acceleration" => name.starts_with("qdd_"),
+        "base_acceleration" => name.starts_with("base_accel_") || name.starts_with("base_angular_accel_"),
+        "seat_wrench" => name.starts_with("seat_"),
+        "imu" => name.starts_with("imu_"),
+        "hand_wrench" => name.contains("_hand_"),
+        _ => name.contains("_foot_"),
+    })
+}
+
+/// All joints of all logs: per joint its logs.
+fn collect<'a>(task: &Task<'a>) -> Result<Vec<(String, Vec<Joint<'a>>)>, FitError> {
+    let names = joints(task.logs);
+    let mut all: Vec<(String, Vec<Joint>)> = names.iter().map(|name| (name.clone(), vec![])).collect();
+    task.progress.start("estimating torques", task.logs.len() as u64);
+    for log in task.logs {
+        task.progress.check()?;
+        let own = names.iter().all(|name| log.channel(&format!("tau_{name}")).is_some());
+        let estimated = if own { None } else { Some(torques(log, task.known)?) };
+        for (k, (name, list)) in all.iter_mut().enumerate() {
+            let (tau, std) = match &estimated {
+                Some((tau, std)) => (tau[k].clone(), std[k].clone()),
+                None => {
+                    let zero = vec![0.0; log.len()];
+                    let std = log.channel(&format!("tau_{name}_std")).map_or(zero, <[f64]>::to_vec);
+                    (log.require(&format!("tau_{name}"))?.to_vec(), std)
+                }
+            };
+            list.push(Joint {
+                q: log.require(&format!("q_{name}"))?,
+                qd: log.require(&format!("qd_{name}"))?,
+                tau,
+                std,
+            });
+        }
+        task.progress.advance(1);
+    }
+    Ok(all)
+}
+
+/// Standard deviation of white noise on a smooth signal, from its third differences.
+fn noise(signal: &[f64]) -> f64 {
+    let mut squares: Vec<f64> =
+        (signal.windows(4)).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).filter(|d| d.is_finite()).collect();
+    squares.sort_by(f64::total_cmp);
+    // the median of |N(0, 1)| is 0.6745, the third difference has the variance 1 + 9 + 9 + 1
+    squares.get(squares.len() / 2).map_or(0.0, |median| median / (0.6745 * 20.0_f64.sqrt()))
+}
+
+fn spread(values: &[f64]) -> f64 {
+    let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    let n = finite.len().max(1) as f64;
+    let mean = finite.iter().sum::<f64>() / n;
+    (finite.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
+
+fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
+    for (name, logs) in collect(task)? {
+        let parameters = PARTS.map(|(part, _)| format!("{part}.{name}"));
+        let parameters: [&str; 3] = std::array::from_fn(|k| parameters[k].as_str());
+        if task.wanted_of(&parameters).is_empty() {
+            continue;
+        }
+        let tau: Vec<f64> = logs.iter().flat_map(|joint| joint.tau.iter().copied()).collect();
+        let mut std: Vec<f64> = logs.iter().flat_map(|j| j.std.iter().copied()).filter(|s| s.is_finite()).collect();
+        std.sort_by(f64::total_cmp);
+        let typical = std.get(std.len() / 2).copied().unwrap_or(0.0);
+        if typical > BLUR * spread(&tau) {
+            let why = format!(
+                "the sensors leave its torque uncertain by {typical:.2} N.m while it varies by only {:.2} N.m \
+                 (hand and foot wrenches make arms and legs observable)",
+                spread(&tau)
+            );
+            parameters.iter().for_each(|parameter| session.give_up(parameter, &why));
+            continue;
+        }
+        let rows = rows(task, &logs);
+        let unknowns = vec![Unknown::within("k", 0.0, 1e5), Unknown::within("d", 0.0, 1e5), Unknown::free("k rest")];
+        let regression =
+            Regression { name: format!("torque of {name}"), unknowns, groups: vec![rows], constraints: vec![] };
+        if let Some(fit) = session.solve(&regression, &parameters)? {
+            session.estimate(parameters[0], fit, |x| x[0]);
+            session.estimate(parameters[1], fit, |x| x[1]);
+            // an angle may well be zero: it is judged by its absolute error
+            let limits = Limits { absolute_error: Some(0.05), ..Limits::default() };
+            session.estimate_judged(parameters[2], fit, Judgement { limits, ..Judgement::default() }, |x| x[2] / x[0]);
+        }
+    }
+    Ok(())
+}
+
+/// `tau = [-q, -qd, 1] [k, d, k rest]`, a row per sample.
+fn rows(task: &Task, logs: &[Joint]) -> Rows {
+    let mut rows = Rows::new("joint torque", "N.m", 3);
+    let mut first = 0;
+    let (mut of_q, mut of_qd) = (0.0_f64, 0.0_f64);
+    for (joint, log) in logs.iter().zip(task.logs) {
+        let begin = log.time.first().copied().unwrap_or(0.0);
+        let mut last = first;
+        for (k, &tau) in joint.tau.iter().enumerate() {
+            last = first + ((log.time[k] - begin) / CLUSTER) as u32;
+            rows.push(&[-joint.q[k], -joint.qd[k], 1.0], tau, last);
+        }
+        first = last + 1;
+        of_q = of_q.max(noise(joint.q));
+        of_qd = of_qd.max(noise(joint.qd));
+    }
+    let mut covariance = vec![0.0; 16];
+    covariance[0] = of_q * of_q;
+    covariance[5] = of_qd * of_qd;
+    rows.noise = covariance;
+    rows
+}
+
+fn validate(task: &Task) -> Vec<Prediction> {
+    let Ok(all) = collect(task) else { return vec![] };
+    let mut predictions = vec![];
+    for (name, logs) in &all {
+        let found = PARTS.map(|(part, _)| task.known.find(&format!("{part}.{name}")));
+        let [Some(stiffness), Some(damping), Some(rest)] = found else { continue };
+        for (joint, log) in logs.iter().zip(task.logs) {
+            let model = joint.q.iter().zip(joint.qd).map(|(q, qd)| -stiffness * (q - rest) - damping * qd).collect();
+            let step = log.time.get(1).map_or(CLUSTER, |t| t - log.time[0]);
+            predictions.push(Prediction {
+                trace: Trace {
+                    name: format!("tau_{name}"),
+                    unit: "N.m".to_owned(),
+                    log: log.source.clone(),
+                    time: log.time.clone(),
+                    measured: joint.tau.clone(),
+                    predicted: model,
+                },
+                independent: (CLUSTER / step).round().max(1.0) as usize,
+            });
+        }
+    }
+    predictions
+}
