@@ -47,6 +47,8 @@ fn declared_variables() {
         assert!(parameters.contains(&name.to_owned()), "{name}");
     }
     assert_eq!(inputs.len(), Inputs::COUNT);
+    let start: Vec<f64> = Inputs::declare().iter().map(|v| v.start).collect();
+    assert_eq!(Inputs::default().to_vec(), start);
     assert_eq!(outputs.len(), Outputs::COUNT);
     // what is written is read back in the order of the declarations
     let flat: Vec<f64> = (0..Inputs::COUNT).map(|i| i as f64).collect();

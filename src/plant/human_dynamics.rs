@@ -268,7 +268,9 @@ impl Rooted {
             place: vec![Vector3::zeros(); lumps.len()],
             hinge: vec![],
         };
-        rooted.add(base, None, &lumps[base], Vector3::zeros());
+        let still =
+            Attach { parent: None, origin: Vector3::zeros(), rotation: Matrix3::identity(), axis: Vector3::z() };
+        rooted.add(base, still, &lumps[base], Vector3::zeros());
         let mut grown = true;
         while grown {
             grown = false;
@@ -282,34 +284,37 @@ impl Rooted {
                 if known[0] {
                     let up = rooted.segment[hinge.parent];
                     let origin = rooted.place[hinge.parent] + hinge.origin;
-                    let joint = (up, origin, hinge.rotation, hinge.axis);
-                    rooted.add(hinge.child, Some(joint), &lumps[hinge.child], Vector3::zeros());
+                    let joint = Attach { parent: Some(up), origin, rotation: hinge.rotation, axis: hinge.axis };
+                    rooted.add(hinge.child, joint, &lumps[hinge.child], Vector3::zeros());
                 } else {
                     // the carrier becomes the segment, its origin moves into the joint
                     let up = rooted.segment[hinge.child];
-                    let joint =
-                        (up, rooted.place[hinge.child], hinge.rotation.transpose(), -(hinge.rotation * hinge.axis));
-                    rooted.add(hinge.parent, Some(joint), &lumps[hinge.parent], -hinge.origin);
+                    let joint = Attach {
+                        parent: Some(up),
+                        origin: rooted.place[hinge.child],
+                        rotation: hinge.rotation.transpose(),
+                        axis: -(hinge.rotation * hinge.axis),
+                    };
+                    rooted.add(hinge.parent, joint, &lumps[hinge.parent], -hinge.origin);
                 }
             }
         }
         rooted
     }
 
-    fn add(
-        &mut self,
-        lump: usize,
-        joint: Option<(usize, Vector3<f64>, Matrix3<f64>, Vector3<f64>)>,
-        of: &Lump,
-        place: Vector3<f64>,
-    ) {
+    fn add(&mut self, lump: usize, joint: Attach, of: &Lump, place: Vector3<f64>) {
         self.segment[lump] = self.body.segments.len();
         self.place[lump] = place;
-        let (parent, origin, rotation, axis) = match joint {
-            Some((parent, origin, rotation, axis)) => (Some(parent), origin, rotation, axis),
-            None => (None, Vector3::zeros(), Matrix3::identity(), Vector3::z()),
-        };
+        let Attach { parent, origin, rotation, axis } = joint;
         let com = of.com + place;
         self.body.segments.push(Segment { parent, origin, rotation, axis, mass: of.mass, com, inertia: of.inertia });
     }
+}
+
+/// The joint of a new segment.
+struct Attach {
+    parent: Option<usize>,
+    origin: Vector3<f64>,
+    rotation: Matrix3<f64>,
+    axis: Vector3<f64>,
 }

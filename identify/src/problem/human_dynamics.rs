@@ -21,7 +21,7 @@ pub const PROBLEM: Problem = Problem { known, targets, estimate, validate };
 
 const PARTS: [(&str, &str); 3] = [("stiffness", "N.m/rad"), ("damping", "N.m.s/rad"), ("rest", "rad")];
 /// Largest standard deviation of the torques, as a share of their own spread, that still tells something.
-const BLUR: f64 = 0.3;
+const BLUR: f64 = 0.5;
 /// Time over which the errors of the torques hang together, s.
 const CLUSTER: f64 = 0.25;
 

@@ -6,7 +6,7 @@ use crate::filter::savitzky_golay::Causal;
 use serde::{Deserialize, Serialize};
 
 /// The last positions of all joints, sample by sample in a ring. Empty if none are needed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub struct Derivatives {
     ring: Vec<f64>,
     /// Where the next sample goes, and how many there are.
@@ -14,6 +14,18 @@ pub struct Derivatives {
     filled: usize,
     /// Samples in a row that were extrapolated because the position was missing.
     missing: usize,
+}
+
+impl Clone for Derivatives {
+    fn clone(&self) -> Self {
+        Self { ring: self.ring.clone(), ..*self }
+    }
+
+    /// Into memory that is there already.
+    fn clone_from(&mut self, other: &Self) {
+        self.ring.clone_from(&other.ring);
+        (self.next, self.filled, self.missing) = (other.next, other.filled, other.missing);
+    }
 }
 
 /// What became of one sample.

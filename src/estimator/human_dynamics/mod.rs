@@ -51,11 +51,24 @@ use variables::{DOF, GROUPS, JOINTS};
 use whole_body::{Posture, WholeBody};
 
 /// Everything that a step changes: the last estimates, and positions to differentiate.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
     outputs: Outputs,
     started: bool,
     derivatives: Derivatives,
+}
+
+impl Clone for State {
+    fn clone(&self) -> Self {
+        Self { outputs: self.outputs.clone(), derivatives: self.derivatives.clone(), ..*self }
+    }
+
+    /// Into memory that is there already.
+    fn clone_from(&mut self, other: &Self) {
+        self.outputs.clone_from(&other.outputs);
+        self.started = other.started;
+        self.derivatives.clone_from(&other.derivatives);
+    }
 }
 
 /// The estimator; see the [module](self).

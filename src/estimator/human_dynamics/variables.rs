@@ -85,21 +85,17 @@ pub struct Inputs {
 
 impl Default for Inputs {
     fn default() -> Self {
-        let mut inputs = Self {
+        Self {
             q: [0.0; DOF],
             qd: [0.0; DOF],
             qdd: [0.0; DOF],
-            base_gyro: [0.0; 3],
-            base_accel: [0.0; 3],
-            base_angular_accel: [0.0; 3],
+            base_gyro: ZERO,
+            base_accel: UP,
+            base_angular_accel: ZERO,
             seat: [0.0; 6],
-            imu: [[0.0; 3]; 4],
+            imu: [UP; 4],
             contact: [[0.0; 6]; 4],
-        };
-        let declared = Self::declare();
-        let start: Vec<f64> = declared.iter().map(|variable| variable.start).collect();
-        inputs.read(&start);
-        inputs
+        }
     }
 }
 
