@@ -56,8 +56,11 @@ struct Joint<'a> {
     std: Vec<f64>,
 }
 
-/// Torques and their standard deviations of the joints, in the order of [`JOINTS`], of one log.
-fn torques(log: &Log, known: &Known) -> Result<(Vec<Vec<f64>>, Vec<Vec<f64>>), FitError> {
+/// Per joint, in the order of [`JOINTS`], a series over one log.
+type Series = Vec<Vec<f64>>;
+
+/// Torques and their standard deviations of one log.
+fn torques(log: &Log, known: &Known) -> Result<(Series, Series), FitError> {
     let mut parameters = Parameters::default();
     for variable in Parameters::declare() {
         parameters.set(&variable.name, known.get(&variable.name))?;

@@ -206,13 +206,12 @@ impl Record {
     }
 
     fn rows(&mut self, kind: &'static str, values: impl Iterator<Item = f64>) {
-        if !self.kinds.iter().any(|(name, _)| *name == kind) {
+        let known = self.kinds.iter().position(|(name, _)| *name == kind);
+        let place = known.unwrap_or_else(|| {
             self.kinds.push((kind, vec![]));
-        }
-        for (_, list) in self.kinds.iter_mut().filter(|(name, _)| *name == kind) {
-            list.extend(values);
-            return;
-        }
+            self.kinds.len() - 1
+        });
+        self.kinds[place].1.extend(values);
     }
 
     fn column(&self, kind: &str, k: usize) -> Vec<f64> {
