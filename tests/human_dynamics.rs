@@ -112,8 +112,8 @@ fn torques_of_a_reference_posture() {
         assert!(off < 0.25 * outputs.tau_std[joint] + 0.02, "{name}: {} {expected}", outputs.tau[joint]);
     }
     let seat = slot("Pelvis", "f");
-    for k in 0..6 {
-        assert!((outputs.seat_wrench[k] - seat[k]).abs() < outputs.seat_wrench_std[k], "{k}");
+    for ((estimate, std), truth) in outputs.seat_wrench.iter().zip(&outputs.seat_wrench_std).zip(&seat) {
+        assert!((estimate - truth).abs() < *std, "{estimate} {truth}");
     }
     let com = numbers(&case.data["com_base"]);
     assert!(largest_difference(&outputs.com, &com) < 1e-12);

@@ -67,7 +67,6 @@ class Anchor:
         self.base_frame = self.model.getFrameIndex(base)
         self.joints = [self.model.getJointName(j) for j in range(self.model.getNrOfJoints()) if self.model.getJoint(j).getNrOfDOFs() == 1]
         self.gravity = idyn.Vector3.FromPython(GRAVITY)
-        self.torque = idyn.JointDOFsDoubleArray(self.model)
 
     def variances(self):
         out = np.zeros(self.n_y)
@@ -106,12 +105,11 @@ class Anchor:
         assert self.solver.doEstimate()
 
     def torques(self):
-        self.helper.extractJointTorquesFromDynamicVariables(self.solver.getLastEstimate(), arrays_of(self), self.torque)
-        return self.torque.toNumPy()
-
-
-def arrays_of(anchor):
-    return anchor.positions
+        # the torque variables themselves: iDynTree's own extraction projects the joint wrenches,
+        # which differ from them by the ratio of the model's variance to the prior's
+        estimate = self.solver.getLastEstimate()
+        offsets = [self.helper.getRangeDOFVariable(idyn.DOF_TORQUE, k).offset for k in range(len(self.joints))]
+        return np.array([estimate.getVal(k) for k in offsets])
 
 
 def vector(values):
@@ -122,12 +120,10 @@ def vector(values):
 
 
 def diagonal(values):
-    n = len(values)
-    triplets = idyn.Triplets()
+    matrix = idyn.SparseMatrixColMajor()
+    matrix.resize(len(values), len(values))
     for k, value in enumerate(values):
-        triplets.pushTriplet(idyn.Triplet(k, k, float(value)))
-    matrix = idyn.SparseMatrixRowMajor(n, n) if hasattr(idyn, "SparseMatrixRowMajor") else idyn.SparseMatrix(n, n)
-    matrix.setFromTriplets(triplets)
+        matrix.setValue(k, k, float(value))
     return matrix
 
 
@@ -185,7 +181,6 @@ def compare(name, base, args, folder):
     worst, largest = 0.0, 0.0
     for k in range(rows):
         arrays = anchor.arrays(q[k], qd[k])
-        anchor.positions = arrays[0]
         anchor.step(arrays, vector(y[k]))
         theirs = anchor.torques()
         mine = np.array([float(ours[k][f"tau_{j}"]) for j in anchor.joints])
