@@ -36,9 +36,9 @@ fn the_person_loads_the_vehicle_with_weight_and_inertia() {
         inputs.contact[3] = [-10.0, 0.0, 70.0, 0.0, 0.0, 0.0];
         let out = estimate(&mut human, &inputs);
         // what seat and foot rests feel, in the vehicle's axes (shanks hang straight in this posture)
-        let feet = 2.0 * Vector3::new(-10.0, 0.0, 70.0);
-        let seat = Vector3::new(out.seat_wrench[0], out.seat_wrench[1], out.seat_wrench[2]);
-        let load: Vector3<f64> = -(seat + feet);
+        let feet = Vector3::new(-20.0, 0.0, 140.0);
+        let seat: Vector3<f64> = Vector3::new(out.seat_wrench[0], out.seat_wrench[1], out.seat_wrench[2]);
+        let load: Vector3<f64> = -seat - feet;
         let expected = Vector3::new(ahead, 0.0, GRAVITY) * -65.0;
         assert!((load - expected).norm() < 5.0, "{load} {expected}");
     }
