@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "\
 Examples:
   identify fit nursing-robot log.csv --out fit.json
-  identify fit nursing-robot log.csv --set human.nominal_mass=72 --refine --out fit.json --report fit.html
+  identify fit nursing-robot log.csv --set human.nominal_mass=72 --refine --report fit.html
   identify fit nursing-robot trip*.csv --columns map.toml --only robot.mass,rolling.coefficient
   identify fit wheelchair run1.csv run2.parquet --loss l1 --ssv fit.ssv
 
@@ -26,7 +26,7 @@ pub(super) struct FitArgs {
     vehicle: Vehicle,
     #[command(flatten)]
     logs: LogArgs,
-    /// Start values: a fit.json or {\"name\": value, ...}.
+    /// Start values: a fit.json or {"name": value, ...}.
     #[arg(long, value_name = "START.json")]
     params: Option<PathBuf>,
     /// A known parameter by its FMU name; may be repeated.

@@ -23,8 +23,8 @@ Exit codes:
   1  done with warnings (a parameter is not identifiable or sits at a bound)
   2  refused; one line on stderr says why and no output file is written
 
-Logs are CSV, Parquet or MDF4 files (.csv, .parquet, .mf4) with a column `time` in s and columns named
-as the FMU's inputs, in SI units. --columns reads logs with other names and units.
+Logs are CSV, Parquet or MDF4 files (.csv, .parquet, .mf4) with a column `time` in s and columns
+named as the FMU's inputs, in SI units. --columns reads logs with other names and units.
 
 Examples:
   identify simulate nursing-robot --scenario identification --seed 1 --out log.csv

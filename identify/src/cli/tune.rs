@@ -31,7 +31,7 @@ pub(super) struct TuneArgs {
     /// A known parameter by its FMU name; may be repeated.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = settings::parse)]
     settings: Vec<Setting>,
-    /// Known parameters: a fit.json or {\"name\": value, ...}.
+    /// Known parameters: a fit.json or {"name": value, ...}.
     #[arg(long, value_name = "START.json")]
     params: Option<PathBuf>,
     /// Number of beetles.

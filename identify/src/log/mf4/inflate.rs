@@ -121,3 +121,82 @@ fn word(bytes: &[u8], at: usize) -> Result<usize, String> {
     let number = u64::from_le_bytes(text.try_into().unwrap_or_default());
     usize::try_from(number).map_err(|_| "a link points outside of the file".to_owned())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use flate2::{Compression, write::ZlibEncoder};
+    use std::io::Write;
+
+    fn block(name: &[u8; 4], links: &[usize], data: &[u8]) -> Vec<u8> {
+        let mut block = [name.as_slice(), &[0; 4]].concat();
+        block.extend_from_slice(&((HEAD + 8 * links.len() + data.len()) as u64).to_le_bytes());
+        block.extend_from_slice(&(links.len() as u64).to_le_bytes());
+        links.iter().for_each(|link| block.extend_from_slice(&(*link as u64).to_le_bytes()));
+        block.extend_from_slice(data);
+        block.resize(block.len().next_multiple_of(8), 0);
+        block
+    }
+
+    fn packed(method: u8, columns: u32, original: &[u8]) -> Vec<u8> {
+        let mut sorted = original.to_vec();
+        if method == 1 {
+            let (columns, rows) = (columns as usize, original.len() / columns as usize);
+            for i in 0..rows * columns {
+                sorted[i % columns * rows + i / columns] = original[i];
+            }
+        }
+        let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+        encoder.write_all(&sorted).unwrap();
+        let data = encoder.finish().unwrap();
+        let mut fields = [b"DT".as_slice(), &[method, 0], &columns.to_le_bytes()].concat();
+        fields.extend_from_slice(&(original.len() as u64).to_le_bytes());
+        fields.extend_from_slice(&(data.len() as u64).to_le_bytes());
+        block(b"##DZ", &[], &[fields, data].concat())
+    }
+
+    /// A file with one data group whose list holds a packed, a transposed and a plain block.
+    fn file(parts: [&[u8]; 3]) -> Vec<u8> {
+        let mut bytes = vec![0; 64];
+        let group = 64 + 88;
+        bytes.extend(block(b"##HD", &[group], &[0; 56]));
+        assert_eq!(bytes.len(), group);
+        let list = group + 64;
+        bytes.extend(block(b"##DG", &[0, 0, list, 0], &[0; 8]));
+        assert_eq!(bytes.len(), list);
+        let blocks = [packed(0, 0, parts[0]), packed(1, 5, parts[1]), block(b"##DT", &[], parts[2])];
+        let first = list + HEAD + 8 * 4;
+        let links = [0, first, first + blocks[0].len(), first + blocks[0].len() + blocks[1].len()];
+        bytes.extend(block(b"##DL", &links, &[]));
+        bytes.extend(blocks.concat());
+        bytes
+    }
+
+    const PARTS: [&[u8]; 3] = [b"first, first, first", b"the second part, its bytes sorted", b"and a plain one!"];
+
+    #[test]
+    fn packed_and_sorted_blocks_become_one_plain_block() {
+        let plain = inflate(file(PARTS)).unwrap();
+        let data = word(&plain, 64 + 88 + DATA_LINK).unwrap();
+        assert_eq!(name(&plain, data), Ok(b"##DT".as_slice()));
+        assert_eq!(&plain[data + HEAD..], PARTS.concat());
+        assert_eq!(word(&plain, data + 8), Ok(HEAD + PARTS.concat().len()));
+    }
+
+    #[test]
+    fn damage_is_an_error_and_never_a_panic() {
+        let whole = file(PARTS);
+        for place in 0..whole.len() {
+            for bits in [0x01, 0x80, 0xff] {
+                let mut flipped = whole.clone();
+                flipped[place] ^= bits;
+                let _ = inflate(flipped);
+            }
+            let _ = inflate(whole[..place].to_vec());
+        }
+        let mut ring = whole.clone();
+        let own = (64 + 88_u64).to_le_bytes();
+        ring[64 + 88 + HEAD..64 + 88 + HEAD + 8].copy_from_slice(&own);
+        assert!(inflate(ring).unwrap_err().contains("circle"));
+    }
+}
