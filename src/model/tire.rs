@@ -104,6 +104,12 @@ impl Tires {
         (mu * f, b)
     }
 
+    /// As [`lateral_forces`](Self::lateral_forces), with plain arrays.
+    pub fn lateral(&self, slip_angle: [f64; 4], load: [f64; 4], longitudinal: [f64; 4], combined: bool) -> [f64; 4] {
+        let [slip_angle, load, longitudinal] = [slip_angle, load, longitudinal].map(f64x4::new);
+        self.lateral_forces(slip_angle, load, longitudinal, combined).to_array()
+    }
+
     /// Lateral forces at slip angles (rad) under loads (N), N.
     ///
     /// `combined` takes the share of friction that the longitudinal forces (N) use away by the

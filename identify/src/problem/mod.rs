@@ -40,6 +40,7 @@ pub mod nursing_robot;
 pub mod session;
 pub mod weak_form;
 pub mod wheelchair;
+mod wheeled_robot;
 
 pub use known::Known;
 pub use session::{Fitted, Judgement, Session};
@@ -175,8 +176,8 @@ pub fn problem(vehicle: Vehicle) -> Option<Problem> {
         Vehicle::NursingRobot => Some(nursing_robot::PROBLEM),
         Vehicle::Wheelchair => Some(wheelchair::PROBLEM),
         Vehicle::HumanDynamics => Some(human_dynamics::PROBLEM),
-        // One line per vehicle: `Vehicle::Wheelchair => Some(wheelchair::PROBLEM),`
-        Vehicle::WheeledRobot | Vehicle::WheelLoader => None,
+        Vehicle::WheeledRobot => Some(wheeled_robot::PROBLEM),
+        Vehicle::WheelLoader => None,
     }
 }
 

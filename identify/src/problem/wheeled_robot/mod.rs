@@ -1,0 +1,290 @@
+//! Tyre parameters and rolling resistance of a four-wheeled robot or car.
+//!
+//! Measured axle forces ([`axles`]) are compared with the Magic Formula at the measured slip angles and
+//! wheel loads, per axle with the unknowns `(ln K0, C, ln mu0, E)`, by sequential convex programming: one
+//! convex program with Huber rows, priors and a box-shaped trust region per step. Load laws, nominal loads and
+//! the vehicle are known parameters.
+//!
+//! Friction, shape and curvature show only where the tyre bends: they count as identified only if the slip
+//! angles reach beyond `2/B`, near the peak, and their standard errors are small. Else they keep their
+//! known values ("prior only") and the rest is fitted again with them.
+
+mod axles;
+
+use super::{FitError, Fitted, Judgement, Prediction, Problem, Session, Target, Task};
+use crate::assess::Limits;
+use crate::log::{Log, LogError};
+use crate::report::Trace;
+use crate::solve::{
+    Regression, Rows, Scale, Smooth, SmoothGroup, Solution, SolveError, Trust, TrustNorm, Unknown, refine,
+};
+use crate::vehicle::Vehicle;
+use axles::{Axles, Instant, axles, model, tires};
+use wheelstate::Variables;
+use wheelstate::estimator::wheeled_robot::Parameters;
+use wheelstate::model::tire::{Tire, Tires};
+
+/// The problem.
+pub const PROBLEM: Problem = Problem { known: || Vehicle::WheeledRobot.parameters(), targets, estimate, validate };
+
+const AXLES: [&str; 2] = ["front", "rear"];
+const TIRE: [&str; 4] = ["stiffness", "shape", "friction", "curvature"];
+const ROLLING: &str = "rolling.coefficient";
+/// Ranges of the unknowns `(ln K0, C, ln mu0, E)`.
+const RANGES: [(f64, f64); 4] = [(2.302585, 16.118096), (1.0, 2.2), (-2.995732, 0.693147), (-5.0, 0.95)];
+/// Standard deviations of the priors of `C` and `E`.
+const PRIOR_STD: [f64; 4] = [f64::INFINITY, 0.3, f64::INFINITY, 1.0];
+/// Largest standard error of an identified parameter, relative; of the curvature absolute.
+const RELATIVE: f64 = 0.1;
+const CURVATURE: f64 = 0.3;
+/// Fewer instants than this say nothing about a tyre.
+const LEAST_INSTANTS: usize = 30;
+
+fn name(axle: usize, parameter: usize) -> String {
+    format!("tire.{}.{}", AXLES[axle], TIRE[parameter])
+}
+
+fn targets(_: &[Log]) -> Vec<Target> {
+    let declared = Vehicle::WheeledRobot.parameters();
+    let tire = |axle: usize| {
+        let declared = &declared;
+        (0..4).map(move |parameter| {
+            let target = Target::declared(declared, &name(axle, parameter), true);
+            let (low, high) = RANGES[parameter];
+            let exponential = parameter == 0 || parameter == 2;
+            if exponential { target.within(low.exp(), high.exp()) } else { target.within(low, high) }
+        })
+    };
+    let rolling = Target::declared(&declared, ROLLING, true).within(-0.2, 0.5);
+    tire(0).chain(tire(1)).chain([rolling]).collect()
+}
+
+/// The estimator's parameters with all known values.
+fn parameters(task: &Task) -> Parameters {
+    let values: Vec<f64> = Vehicle::WheeledRobot.parameters().iter().map(|v| task.known.get(&v.name)).collect();
+    let mut parameters = Parameters::default();
+    parameters.read(&values);
+    parameters
+}
+
+fn read(task: &Task) -> Result<(Parameters, Vec<Axles>), LogError> {
+    let p = parameters(task);
+    let logs = task.logs.iter().map(|log| axles(log, &p)).collect::<Result<_, _>>()?;
+    Ok((p, logs))
+}
+
+fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
+    let (p, logs) = read(task)?;
+    let mut pair = tires(&p);
+    for axle in 0..2 {
+        let names: Vec<String> = (0..4).map(|parameter| name(axle, parameter)).collect();
+        if names.iter().any(|name| task.wants(name)) {
+            task.progress.check()?;
+            pair[axle] = tire(&p, &logs, axle, &pair, session)?;
+        }
+    }
+    let mut sources: Vec<&str> = logs.iter().map(|log| log.forces_from).collect();
+    sources.dedup();
+    session.note(format!("longitudinal wheel forces from {}", sources.join("; and from ")));
+    if task.wants(ROLLING) {
+        rolling(&logs, session)?;
+    }
+    Ok(())
+}
+
+/// A tyre with other values of the unknowns.
+fn with(tire: &Tire, theta: &[f64; 4]) -> Tire {
+    // the slope of friction keeps its proportion to the friction
+    let friction = theta[2].exp();
+    let friction_slope = tire.friction_slope * friction / tire.friction;
+    Tire { stiffness: theta[0].exp(), shape: theta[1], friction, friction_slope, curvature: theta[3], ..*tire }
+}
+
+/// Lateral force of an axle, N.
+fn axle_force(tires: &Tires, instant: &Instant, axle: usize, combined: bool) -> f64 {
+    instant.explained(&tires.lateral(instant.slip, instant.load, instant.longitudinal, combined))[axle]
+}
+
+fn unknowns(tire: &Tire) -> [f64; 4] {
+    [tire.stiffness.ln(), tire.shape, tire.friction.ln(), tire.curvature]
+}
+
+/// Fits the tyres of an axle, those of the other one being as in `pair`.
+fn tire(
+    p: &Parameters,
+    logs: &[Axles],
+    axle: usize,
+    pair: &[Tire; 2],
+    session: &mut Session,
+) -> Result<Tire, FitError> {
+    let instants: Vec<(usize, &Instant)> =
+        logs.iter().enumerate().flat_map(|(i, log)| log.instants.iter().map(move |instant| (i, instant))).collect();
+    if instants.len() < LEAST_INSTANTS {
+        for parameter in 0..4 {
+            session.give_up(&name(axle, parameter), "the logs hold too few moving samples with all channels");
+        }
+        return Ok(pair[axle]);
+    }
+    let prior = pair[axle];
+    let all = solve(p, &instants, axle, pair, [true; 4], session)?;
+    let theta: [f64; 4] = std::array::from_fn(|i| all.theta[i]);
+    let fitted = with(&prior, &theta);
+    let (bend, reach) = reach(p, &fitted, &instants, axle);
+    let near_peak = reach > 2.0 / bend && all.std(2) < RELATIVE;
+    let shape = near_peak && all.std(1) < RELATIVE * theta[1] && !all.at_bound[1];
+    let curvature = near_peak && all.std(3) < CURVATURE && !all.at_bound[3];
+    let free = [true, shape, near_peak, curvature];
+    let fit = if free == [true; 4] { all } else { solve(p, &instants, axle, pair, free, session)? };
+    let mut end = unknowns(&prior);
+    (0..4).filter(|i| free[*i]).zip(&fit.theta).for_each(|(i, value)| end[i] = *value);
+    let fit = session.keep(fit);
+    record(axle, free, fit, session);
+    for parameter in (1..4).filter(|parameter| !free[*parameter]) {
+        let reason = if near_peak {
+            "prior only: the slip angles do not tell it from the other parameters".to_owned()
+        } else {
+            format!(
+                "prior only: slip angles up to {reach:.3} rad do not reach the tyre's peak (beyond {:.3} rad)",
+                2.0 / bend
+            )
+        };
+        session.give_up(&name(axle, parameter), &reason);
+    }
+    Ok(with(&prior, &end))
+}
+
+/// Stiffness factor `B` at the static load, and the slip angle that 2 % of the instants exceed.
+fn reach(p: &Parameters, tire: &Tire, instants: &[(usize, &Instant)], axle: usize) -> (f64, f64) {
+    let [front, rear] = tires(p);
+    let load = model(p, &front, &rear).loads(0.0, 0.0)[2 * axle];
+    let mut angles: Vec<f64> = instants.iter().map(|(_, instant)| instant.slip[2 * axle].abs()).collect();
+    angles.sort_by(f64::total_cmp);
+    (tire.coefficients(load).b, angles[(angles.len() - 1) * 98 / 100])
+}
+
+/// One fit of an axle; unknowns that are not free keep their known values and are left out.
+fn solve(
+    p: &Parameters,
+    instants: &[(usize, &Instant)],
+    axle: usize,
+    pair: &[Tire; 2],
+    free: [bool; 4],
+    session: &Session,
+) -> Result<Solution, SolveError> {
+    let prior = &pair[axle];
+    let known = unknowns(prior);
+    let kept: Vec<usize> = (0..4).filter(|i| free[*i]).collect();
+    let unknown = |i: usize| {
+        let (low, high) = RANGES[i];
+        let unknown = Unknown::within(TIRE[i], low, high);
+        if PRIOR_STD[i].is_finite() { unknown.with_prior(known[i], PRIOR_STD[i]) } else { unknown }
+    };
+    // one group per log, so that logs with other noise have their own scale
+    let count = instants.last().map_or(0, |(log, _)| log + 1);
+    let mut places = vec![Vec::new(); count];
+    instants.iter().for_each(|(log, instant)| places[*log].push(*instant));
+    places.retain(|list| !list.is_empty());
+    let residuals = |theta: &[f64]| -> Vec<Vec<f64>> {
+        let mut all = known;
+        kept.iter().zip(theta).for_each(|(place, value)| all[*place] = *value);
+        let tire = with(prior, &all);
+        let tires = if axle == 0 { Tires::new(&tire, &pair[1]) } else { Tires::new(&pair[0], &tire) };
+        let of = |instant: &&Instant| instant.axle_force[axle] - axle_force(&tires, instant, axle, p.tire.combined);
+        places.iter().map(|list| list.iter().map(of).collect()).collect()
+    };
+    let group = |list: &Vec<&Instant>| {
+        let clusters = list.last().map_or(1, |last| last.cluster as usize + 1);
+        SmoothGroup {
+            name: format!("{} axle", AXLES[axle]),
+            unit: "N",
+            scale: Scale::Robust,
+            cluster_rows: (list.len() / clusters).max(1),
+        }
+    };
+    let groups: Vec<SmoothGroup> = places.iter().map(group).collect();
+    let problem = Smooth {
+        name: format!("tyres of the {} axle", AXLES[axle]),
+        unknowns: kept.iter().map(|i| unknown(*i)).collect(),
+        start: kept.iter().map(|i| known[*i]).collect(),
+        typical: kept.iter().map(|i| [1.0, 0.3, 1.0, 1.0][*i]).collect(),
+        groups,
+        residuals: &residuals,
+        constraints: Vec::new(),
+        trust: Trust { radius: 0.5, largest: 2.0, norm: TrustNorm::Box, accept: 0.1 },
+        passes: 3,
+    };
+    refine(&problem, session.loss())
+}
+
+fn record(axle: usize, free: [bool; 4], fit: Fitted, session: &mut Session) {
+    // Condition and correlation say little beside priors: standard errors judge.
+    let limits =
+        Limits { condition_number: f64::INFINITY, relative_error: RELATIVE, correlation: 1.1, ..Limits::default() };
+    let judgement = |parameter: usize| {
+        let absolute_error = (parameter == 3).then_some(CURVATURE);
+        Judgement { limits: Limits { absolute_error, ..limits }, ..Judgement::default() }
+    };
+    for (place, parameter) in (0..4).filter(|parameter| free[*parameter]).enumerate() {
+        let exponential = parameter == 0 || parameter == 2;
+        let value = move |theta: &[f64]| if exponential { theta[place].exp() } else { theta[place] };
+        session.estimate_judged(&name(axle, parameter), fit, judgement(parameter), value);
+    }
+}
+
+/// Rolling resistance from the force that torques make and acceleration does not show.
+fn rolling(logs: &[Axles], session: &mut Session) -> Result<(), FitError> {
+    let mut rows = Rows::new("longitudinal balance", "N", 1);
+    let mut first = 0;
+    for log in logs {
+        let clusters = log.balance.last().map_or(0, |last| last.cluster + 1);
+        for balance in &log.balance {
+            rows.push(&[balance.weight], balance.missing, first + balance.cluster);
+        }
+        first += clusters;
+    }
+    if rows.is_empty() {
+        session.give_up(ROLLING, "needs torques and wheel speeds of all driven wheels");
+        return Ok(());
+    }
+    let regression = Regression {
+        name: "longitudinal balance".to_owned(),
+        unknowns: vec![Unknown::within(ROLLING, -0.2, 0.5)],
+        groups: vec![rows],
+        constraints: Vec::new(),
+    };
+    if let Some(fit) = session.solve(&regression, &[ROLLING])? {
+        // zero is a natural value; an accelerometer's bias of 0.01 m/s2 looks like 0.001
+        let limits = Limits { absolute_error: Some(0.003), ..Limits::default() };
+        let judgement = Judgement { limits, systematic_std: 0.001, ..Judgement::default() };
+        session.estimate_judged(ROLLING, fit, judgement, |theta| theta[0]);
+    }
+    Ok(())
+}
+
+fn validate(task: &Task) -> Vec<Prediction> {
+    let Ok((p, logs)) = read(task) else { return Vec::new() };
+    let [front, rear] = tires(&p);
+    let tires = Tires::new(&front, &rear);
+    let mut all = Vec::new();
+    for (log, source) in logs.iter().zip(task.logs) {
+        for axle in 0..2 {
+            if !(0..4).any(|parameter| task.wants(&name(axle, parameter))) || log.instants.len() < LEAST_INSTANTS {
+                continue;
+            }
+            let trace = Trace {
+                name: format!("{} axle lateral force", AXLES[axle]),
+                unit: "N".to_owned(),
+                log: source.source.clone(),
+                time: log.instants.iter().map(|instant| instant.time).collect(),
+                measured: log.instants.iter().map(|instant| instant.axle_force[axle]).collect(),
+                predicted: log
+                    .instants
+                    .iter()
+                    .map(|instant| axle_force(&tires, instant, axle, p.tire.combined))
+                    .collect(),
+            };
+            all.push(Prediction { trace, independent: 2 });
+        }
+    }
+    all
+}
