@@ -413,3 +413,13 @@ fn parameters_are_read_as_they_will_start() {
     assert_eq!(host.exit(), OK);
     assert_eq!(host.get("position"), 2.5);
 }
+
+#[test]
+fn a_caught_panic_prints_nothing_to_the_hosts_stderr() {
+    let test = "a_panic_is_fatal_for_the_instance_and_harmless_for_the_host";
+    let own = std::env::current_exe().unwrap();
+    let run = std::process::Command::new(own).args([test, "--exact", "--nocapture"]).output().unwrap();
+    let (out, err) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
+    assert!(run.status.success() && out.contains("1 passed"), "{out}");
+    assert!(!err.contains("injected"), "{err}");
+}

@@ -79,3 +79,20 @@ fn nothing_but_the_systems_own_libraries_is_needed() {
         assert!(system.iter().any(|name| line.contains(name)), "{line}");
     }
 }
+
+/// What the library is made of, as `cargo tree` tells it; the packer's own crates are not in it.
+#[test]
+fn the_licence_file_names_every_crate_in_the_library() {
+    let licences = include_str!("../assets/license.txt").replace([',', '.'], " ");
+    for package in ["wheelstate", "postcard", "serde_json", "sha2", "serde"] {
+        let arguments = ["tree", "--offline", "-p", package, "-e", "normal,no-proc-macro", "--prefix", "none"];
+        let output =
+            Command::new(env!("CARGO")).args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let text = String::from_utf8(output.stdout).unwrap();
+        for name in text.lines().filter_map(|line| line.split_whitespace().next()) {
+            let named = licences.split_whitespace().any(|word| word.trim_end_matches(':') == name);
+            assert!(named, "{name} (below {package}) is not in assets/license.txt");
+        }
+    }
+}

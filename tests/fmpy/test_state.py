@@ -137,3 +137,25 @@ def test_a_foreign_handle_is_refused(setting):
             other.fmu.setFMUState(state)
         assert "not an FMU state of this instance" in other.last_message()
         one.fmu.freeFMUState(state)
+
+
+def test_fmpy_continues_from_serialised_bytes(setting):
+    folder, dt, log = setting
+    with Slave(folder) as slave:
+        slave.start()
+        drive(slave, log, dt, 0, 60)
+        data = serialized(slave)
+        expected = drive(slave, log, dt, 60, len(log))
+        outputs = slave.outputs
+    result = fmpy.simulate_fmu(
+        folder,
+        fmu_state=data,
+        start_time=60 * dt,
+        stop_time=len(log) * dt,
+        output_interval=dt,
+        input=log,
+        output=outputs,
+    )
+    for k, row in enumerate(expected):
+        for name, value in zip(outputs, row):
+            assert abs(float(result[name][k + 1]) - value) <= 1e-12 * max(1.0, abs(value)), name
