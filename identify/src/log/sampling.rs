@@ -26,12 +26,16 @@ impl Log {
     /// The log on even steps, and its period.
     ///
     /// A log whose steps vary by more than 1 % is interpolated linearly onto its median period; across gaps
-    /// of more than one and a half periods everything counts as missing.
+    /// of more than one and a half periods and 0.05 s, too long to interpolate what machines and people do,
+    /// everything counts as missing.
     pub fn on_even_steps(&self) -> (Cow<'_, Self>, f64) {
         let period = self.period();
         let even = self.time.windows(2).all(|pair| ((pair[1] - pair[0]) - period).abs() <= UNIFORM * period);
-        let log =
-            if even || self.len() < 3 { Cow::Borrowed(self) } else { Cow::Owned(self.resample(period, 1.5 * period)) };
+        let log = if even || self.len() < 3 {
+            Cow::Borrowed(self)
+        } else {
+            Cow::Owned(self.resample(period, (1.5 * period).max(0.05)))
+        };
         // Times written with few digits: the mean step is closer to the truth than the median one.
         let period = if log.len() > 1 { log.duration() / (log.len() - 1) as f64 } else { period };
         (log, period)

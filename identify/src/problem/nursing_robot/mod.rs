@@ -316,6 +316,9 @@ fn mass(task: &Task, logs: &[Windowed], body: &Body, session: &mut Session) -> R
     let Some(fit) = fit else { return Ok(()) };
     if !task.wants(ROLLING) {
         session.estimate(name, fit, |x| x[0]);
+        session.note(format!(
+            "{ROLLING} = {fixed} was taken as known; the interval of {name} does not allow for its error"
+        ));
         return Ok(());
     }
     session.estimate(name, fit, |x| x[1]);

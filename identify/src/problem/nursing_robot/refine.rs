@@ -44,8 +44,6 @@ pub struct Refined {
     pub passive: Passive,
     /// The drive efficiency found or kept.
     pub efficiency: f64,
-    /// Place of the drive efficiency among the unknowns.
-    pub efficiency_index: Option<usize>,
 }
 
 /// Unknowns per segment: `v, phi, phi'` at its first sample.
@@ -121,5 +119,5 @@ pub fn refine(segments: &[Segment], body: &Body, start: &Passive, setup: &Setup)
     };
     let solution = minimise(&smooth, setup.loss)?;
     let (passive, efficiency) = read(&solution.theta);
-    Ok(Refined { solution, passive, efficiency, efficiency_index })
+    Ok(Refined { solution, passive, efficiency })
 }

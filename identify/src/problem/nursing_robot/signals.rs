@@ -23,15 +23,23 @@ pub fn body(known: &Known) -> Body {
     }
 }
 
-/// The signals of a log on even steps; infinite samples are missing.
+/// The signals of a log on even steps (see [`Log::on_even_steps`]). Samples that are infinite or
+/// beyond what any machine does (200 m/s, 1e6 N.m, 1.5 rad, 100 m/s2 or rad/s) are missing.
 pub fn signals(log: &Log, known: &Known) -> Result<Signals, FitError> {
     log.require("speed")?;
     log.require("torque_left")?;
     log.require("torque_right")?;
     let (log, period) = log.on_even_steps();
     let channel = |name: &str| -> Vec<f64> {
-        let finite = |value: &f64| if value.is_finite() { *value } else { f64::NAN };
-        log.channel(name).map(|values| values.iter().map(finite).collect()).unwrap_or_default()
+        // A spike in a regressor is not bounded by a robust loss: what no machine does is missing.
+        let largest = match name {
+            "speed" => 200.0,
+            "torque_left" | "torque_right" => 1e6,
+            "tilt" | "roll" => 1.5,
+            _ => 100.0,
+        };
+        let plausible = |value: &f64| if value.abs() <= largest { *value } else { f64::NAN };
+        log.channel(name).map(|values| values.iter().map(plausible).collect()).unwrap_or_default()
     };
     // A column that never holds a number is as good as none.
     let present = |name: &str| Some(channel(name)).filter(|values| values.iter().any(|value| !value.is_nan()));
