@@ -306,3 +306,22 @@ fn full_covariances() {
     holes[last - 3] = f64::NAN;
     assert_eq!(solve(&|s| full(s, 0.6), &holes).measurements(), case.samples.len() - 6);
 }
+
+/// Work and memory of a step grow linearly with the number of links.
+#[test]
+fn work_is_linear_in_the_number_of_links() {
+    let size = |links: usize| {
+        let mut draw = Draw(ChaCha8Rng::seed_from_u64(7));
+        let description = random_tree(&mut draw, links);
+        let tree = Tree::new(&description, "l0", false, &[]).unwrap();
+        let sensors = random_sensors(&mut draw, &tree, true);
+        let body = WholeBody::new(tree, Base::Moving, sensors, &Variances::default()).unwrap();
+        let map = body.map();
+        (map.ldl().factor_flops() as f64, map.ldl().nonzeros() as f64, map.bytes() as f64)
+    };
+    let (small, large) = (size(50), size(200));
+    println!("50 links: {small:?}, 200 links: {large:?}");
+    for (a, b) in [(small.0, large.0), (small.1, large.1), (small.2, large.2)] {
+        assert!(b / a < 5.0, "{a} {b}");
+    }
+}
