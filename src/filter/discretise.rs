@@ -18,7 +18,20 @@ pub fn runge_kutta<const N: usize>(
 /// Transition matrix to second order: `I + A + A^2/2` with `A = F dt`.
 pub fn transition<const N: usize>(jacobian: &SMatrix<f64, N, N>, dt: f64) -> SMatrix<f64, N, N> {
     let a = jacobian * dt;
-    SMatrix::identity() + a + a * a * 0.5
+    let mut phi = a;
+    for j in 0..N {
+        for k in 0..N {
+            // A Jacobian is mostly zeros.
+            let factor = 0.5 * a[(k, j)];
+            if factor != 0.0 {
+                for i in 0..N {
+                    phi[(i, j)] += a[(i, k)] * factor;
+                }
+            }
+        }
+        phi[(j, j)] += 1.0;
+    }
+    phi
 }
 
 /// Noise of a pair (position, rate) driven by white noise of power spectral density `density` over

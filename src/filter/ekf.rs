@@ -73,7 +73,8 @@ impl<const N: usize> Ekf<N> {
     /// Time update: the propagated mean, `P = Phi P Phi^T + Q`.
     pub fn predict(&mut self, mean: SVector<f64, N>, transition: &SMatrix<f64, N, N>, noise: &SMatrix<f64, N, N>) {
         self.mean = mean;
-        self.covariance = symmetric(&(transition * self.covariance * transition.transpose() + noise));
+        let half = times_transposed(&self.covariance, transition);
+        self.covariance = symmetric(&(times_transposed(&half.transpose(), transition) + noise));
     }
 
     /// Measurement update of the used rows, in Joseph's form.
@@ -87,7 +88,8 @@ impl<const N: usize> Ekf<N> {
     ) -> Result<Innovation<M>, NotPositiveDefinite> {
         let mut used = rows.used;
         let mut rejected = [false; M];
-        let all = rows.jacobian * self.covariance * rows.jacobian.transpose() + rows.noise;
+        let cross = times_transposed(&self.covariance, &rows.jacobian);
+        let all = times_transposed(&cross.transpose(), &rows.jacobian) + rows.noise;
         if let Some((gate, counters)) = gate {
             for row in (0..M).filter(|&row| rows.used[row]) {
                 rejected[row] = gate.rejects(rows.innovation[row], all[(row, row)], &mut counters[row]);
@@ -95,10 +97,11 @@ impl<const N: usize> Ekf<N> {
             }
         }
         let dof = used.iter().filter(|used| **used).count();
-        let (mut jacobian, mut noise) = (rows.jacobian, rows.noise);
+        let (mut jacobian, mut noise, mut cross) = (rows.jacobian, rows.noise, cross);
         let (mut innovation, mut s) = (rows.innovation, all);
         for row in (0..M).filter(|&row| !used[row]) {
             jacobian.row_mut(row).fill(0.0);
+            cross.column_mut(row).fill(0.0);
             innovation[row] = 0.0;
             for matrix in [&mut noise, &mut s] {
                 matrix.row_mut(row).fill(0.0);
@@ -119,12 +122,17 @@ impl<const N: usize> Ekf<N> {
             });
         }
         let factor = symmetric(&s).cholesky().ok_or(NotPositiveDefinite)?;
-        let gain = factor.solve(&(jacobian * self.covariance)).transpose();
-        let nis = innovation.dot(&factor.solve(&innovation));
-        let log_determinant = 2.0 * factor.l_dirty().diagonal().iter().map(|pivot| pivot.ln()).sum::<f64>();
+        let root = factor.l_dirty();
+        let gain = divide(&cross, root);
+        let whitened = whiten(&innovation, root);
+        let nis = whitened.norm_squared();
+        let log_determinant = 2.0 * root.diagonal().iter().map(|pivot| pivot.ln()).sum::<f64>();
         let mean = self.mean + gain * innovation;
-        let keep = SMatrix::<f64, N, N>::identity() - gain * jacobian;
-        let covariance = symmetric(&(keep * self.covariance * keep.transpose() + gain * noise * gain.transpose()));
+        // (I - K H) P (I - K H)^T + K R K^T, factor by factor: A P with A = I - K H is P - K (H P), and
+        // (A P) A^T + K R K^T = A P + (K R - A P H^T) K^T.
+        let kept = self.covariance - times_transposed(&gain, &cross);
+        let rest = times_transposed(&gain, &noise) - times_transposed(&kept, &jacobian);
+        let covariance = symmetric(&(kept + times_transposed(&rest, &gain)));
         if !(mean.iter().all(|value| value.is_finite()) && covariance.iter().all(|value| value.is_finite())) {
             return Err(NotPositiveDefinite);
         }
@@ -153,6 +161,65 @@ impl Gate {
         *in_a_row = if reject { *in_a_row + 1 } else { 0 };
         reject
     }
+}
+
+/// `A B^T`, column by column, without the terms in which `B` is zero: Jacobians and transition matrices
+/// mostly are.
+fn times_transposed<const N: usize, const K: usize, const M: usize>(
+    a: &SMatrix<f64, N, K>,
+    b: &SMatrix<f64, M, K>,
+) -> SMatrix<f64, N, M> {
+    let mut product = SMatrix::<f64, N, M>::zeros();
+    for row in 0..M {
+        let mut column = SVector::<f64, N>::zeros();
+        for k in 0..K {
+            let factor = b[(row, k)];
+            if factor != 0.0 {
+                for i in 0..N {
+                    column[i] += a[(i, k)] * factor;
+                }
+            }
+        }
+        product.set_column(row, &column);
+    }
+    product
+}
+
+/// `C S^-1` with `S = L L^T`.
+fn divide<const N: usize, const M: usize>(c: &SMatrix<f64, N, M>, l: &SMatrix<f64, M, M>) -> SMatrix<f64, N, M> {
+    let mut x = *c;
+    // x L^T = c, then x L = that: each a substitution over columns.
+    for j in 0..M {
+        for k in 0..j {
+            subtract_column(&mut x, j, k, l[(j, k)]);
+        }
+        x.column_mut(j).scale_mut(1.0 / l[(j, j)]);
+    }
+    for j in (0..M).rev() {
+        for k in j + 1..M {
+            subtract_column(&mut x, j, k, l[(k, j)]);
+        }
+        x.column_mut(j).scale_mut(1.0 / l[(j, j)]);
+    }
+    x
+}
+
+fn subtract_column<const N: usize, const M: usize>(x: &mut SMatrix<f64, N, M>, from: usize, what: usize, times: f64) {
+    if times != 0.0 {
+        for i in 0..N {
+            x[(i, from)] -= times * x[(i, what)];
+        }
+    }
+}
+
+/// `L^-1 v`.
+fn whiten<const M: usize>(v: &SVector<f64, M>, l: &SMatrix<f64, M, M>) -> SVector<f64, M> {
+    let mut x = *v;
+    for i in 0..M {
+        let known: f64 = (0..i).map(|k| l[(i, k)] * x[k]).sum();
+        x[i] = (x[i] - known) / l[(i, i)];
+    }
+    x
 }
 
 /// The symmetric part.

@@ -26,22 +26,22 @@ fn predict_and_update<const N: usize, const P: usize, F: Form<N, P>>(bencher: Be
     });
 }
 
-#[divan::bench]
+#[divan::bench(sample_size = 200)]
 fn six_states(bencher: Bencher) {
     predict_and_update(bencher, Basic);
 }
 
-#[divan::bench]
+#[divan::bench(sample_size = 200)]
 fn eight_states(bencher: Bencher) {
     predict_and_update(bencher, GravityVector);
 }
 
-#[divan::bench]
+#[divan::bench(sample_size = 200)]
 fn eleven_states(bencher: Bencher) {
     predict_and_update(bencher, Biased { acceleration_input: false });
 }
 
-#[divan::bench(args = ["basic", "bias", "acceleration_input", "gravity_vector"])]
+#[divan::bench(sample_size = 200, args = ["basic", "bias", "acceleration_input", "gravity_vector"])]
 fn estimator_step(bencher: Bencher, kind: &str) {
     let mut parameters = Parameters::default();
     parameters.filter.detect_standstill = false;

@@ -56,7 +56,7 @@ impl Form<6, 3> for Basic {
     }
     fn output(&self, chair: &Chair, x: &model::State, drive: &Drive) -> (Output, SMatrix<f64, 6, 6>) {
         let (u, still) = (&drive.command, drive.still);
-        (model::output(chair, x, u, still), model::output_jacobian(chair, x, u, still))
+        model::observe(chair, x, u, still)
     }
     fn tilt_noise(&self, chair: &Chair, x: &model::State) -> Matrix3<f64> {
         outer(model::tilt_lever(chair, x[model::ALPHA]))
@@ -94,7 +94,7 @@ impl Form<11, 3> for Biased {
     }
     fn output(&self, chair: &Chair, x: &model::BiasedState, drive: &Drive) -> (Output, SMatrix<f64, 6, 11>) {
         let (u, still) = (&drive.command, drive.still);
-        (model::biased_output(chair, x, u, still), model::biased_output_jacobian(chair, x, u, still))
+        model::biased_observe(chair, x, u, still)
     }
     fn tilt_noise(&self, chair: &Chair, x: &model::BiasedState) -> Matrix3<f64> {
         outer(model::tilt_lever(chair, x[model::ALPHA]))

@@ -3,7 +3,9 @@
 //! The biases of gyro and accelerometer are added to rows 3 to 6 of the measurement; `a_off` is the
 //! error of the encoders' heading reference: `alpha_enc = alpha - a_off`.
 
-use super::{ALPHA, Chair, Command, Output, R, State, V, W, XI, derivative, jacobian, output, output_jacobian};
+use super::{
+    ALPHA, Chair, Command, Output, R, State, V, W, XI, derivative, jacobian, observe, output, output_jacobian,
+};
 use nalgebra::{SMatrix, SVector};
 
 /// State `[s, alpha, v, r, xi, w, b_g, b_ax, b_ay, b_az, a_off]`; biases in rad/s, m/s^2 and rad.
@@ -33,7 +35,10 @@ pub fn biased_jacobian(chair: &Chair, x: &BiasedState, u: &Command, still: bool)
 
 /// `y = h(x, u)` of [`output`] with biases.
 pub fn biased_output(chair: &Chair, x: &BiasedState, u: &Command, still: bool) -> Output {
-    let mut y = output(chair, &chair_state(x), u, still);
+    with_biases(chair, x, output(chair, &chair_state(x), u, still))
+}
+
+fn with_biases(chair: &Chair, x: &BiasedState, mut y: Output) -> Output {
     y[0] += chair.reference_offset() * x[HEADING_OFFSET];
     y[1] -= x[HEADING_OFFSET];
     for k in 0..4 {
@@ -44,14 +49,20 @@ pub fn biased_output(chair: &Chair, x: &BiasedState, u: &Command, still: bool) -
 
 /// Jacobian of [`biased_output`].
 pub fn biased_output_jacobian(chair: &Chair, x: &BiasedState, u: &Command, still: bool) -> SMatrix<f64, 6, 11> {
+    biased_observe(chair, x, u, still).1
+}
+
+/// [`biased_output`] and [`biased_output_jacobian`] at the price of one.
+pub fn biased_observe(chair: &Chair, x: &BiasedState, u: &Command, still: bool) -> (Output, SMatrix<f64, 6, 11>) {
+    let (y, jacobian) = observe(chair, &chair_state(x), u, still);
     let mut all = SMatrix::<f64, 6, 11>::zeros();
-    all.fixed_view_mut::<6, 6>(0, 0).copy_from(&output_jacobian(chair, &chair_state(x), u, still));
+    all.fixed_view_mut::<6, 6>(0, 0).copy_from(&jacobian);
     all[(0, HEADING_OFFSET)] = chair.reference_offset();
     all[(1, HEADING_OFFSET)] = -1.0;
     for k in 0..4 {
         all[(2 + k, GYRO_BIAS + k)] = 1.0;
     }
-    all
+    (with_biases(chair, x, y), all)
 }
 
 /// [`biased_derivative`] with the measured specific force `accel_x` in place of the drive force:

@@ -48,12 +48,12 @@ mod motion;
 mod sensors;
 
 pub use biased::{
-    BiasedState, acceleration_driven, acceleration_driven_jacobian, biased_derivative, biased_jacobian, biased_output,
-    biased_output_jacobian,
+    BiasedState, acceleration_driven, acceleration_driven_jacobian, biased_derivative, biased_jacobian, biased_observe,
+    biased_output, biased_output_jacobian,
 };
 pub use encoder::{Unwrapper, wheel_angles, wheel_travel};
 pub use motion::{derivative, jacobian};
-pub use sensors::{encoder_covariance, output, output_jacobian, pitch, pitch_gradient, tilt_lever};
+pub use sensors::{encoder_covariance, observe, output, output_jacobian, pitch, pitch_gradient, tilt_lever};
 
 use nalgebra::{SMatrix, SVector};
 
@@ -191,6 +191,22 @@ struct Accelerations {
     /// Columns of the state: alpha, v, r, xi.
     v_gradient: [f64; 4],
     r_gradient: [f64; 4],
+}
+
+/// Sines and cosines of heading and slope, which everything needs.
+#[derive(Clone, Copy, Debug)]
+struct Trig {
+    sa: f64,
+    ca: f64,
+    sx: f64,
+    cx: f64,
+}
+
+impl Trig {
+    fn of(x: &State) -> Self {
+        let ((sa, ca), (sx, cx)) = (x[ALPHA].sin_cos(), x[XI].sin_cos());
+        Self { sa, ca, sx, cx }
+    }
 }
 
 /// Columns of the state that [`Accelerations`] depend on.

@@ -1,6 +1,6 @@
 //! Equations of motion `x' = f(x, u)` and their Jacobian.
 
-use super::{ALPHA, Accelerations, COLUMNS, Chair, Command, Dynamics, Jacobian, R, S, State, V, W, XI};
+use super::{ALPHA, Accelerations, COLUMNS, Chair, Command, Dynamics, Jacobian, R, S, State, Trig, V, W, XI};
 
 /// `v'` and `r'` from what acts along the heading and about the normal.
 ///
@@ -38,11 +38,17 @@ pub(super) fn acceleration_partials(chair: &Chair, v: f64, r: f64, gz: f64) -> [
     [force.map(|f| f / chair.inertial_mass()), moment.map(|m| m / chair.inertia_at_axle())]
 }
 
-pub(super) fn accelerations_with_gradients(chair: &Chair, x: &State, u: &Command, still: bool) -> Accelerations {
+pub(super) fn accelerations_with_gradients(
+    chair: &Chair,
+    x: &State,
+    trig: &Trig,
+    u: &Command,
+    still: bool,
+) -> Accelerations {
     if still {
         return Accelerations::default();
     }
-    let ((sa, ca), (sx, cx)) = (x[ALPHA].sin_cos(), x[XI].sin_cos());
+    let Trig { sa, ca, sx, cx } = *trig;
     let (v_dot, r_dot) = accelerations(chair, x[V], x[R], [sa * sx, ca * sx, cx], u);
     let chain = |[v, r, gx, gy, gz]: [f64; 5]| {
         [gx * ca * sx - gy * sa * sx, v, r, gx * sa * cx + gy * ca * cx - gz * sx] // alpha, v, r, xi
@@ -69,8 +75,9 @@ pub fn derivative(chair: &Chair, x: &State, u: &Command, still: bool) -> State {
 
 /// Jacobian of [`derivative`] over the state (eq. 44 corrected).
 pub fn jacobian(chair: &Chair, x: &State, u: &Command, still: bool) -> Jacobian {
-    let (sa, ca) = x[ALPHA].sin_cos();
-    let a = accelerations_with_gradients(chair, x, u, still);
+    let trig = Trig::of(x);
+    let Trig { sa, ca, .. } = trig;
+    let a = accelerations_with_gradients(chair, x, &trig, u, still);
     let mut jacobian = Jacobian::zeros();
     jacobian[(S, ALPHA)] = chair.pitch_travel * x[W] * ca;
     jacobian[(S, V)] = 1.0;

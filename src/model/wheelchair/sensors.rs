@@ -1,7 +1,9 @@
 //! What the sensors read: `y = h(x, u)`, its Jacobian and the shape of its noise.
 
 use super::motion::accelerations_with_gradients;
-use super::{ALPHA, Accelerometer, COLUMNS, Chair, Command, Gyro, Jacobian, Output, R, S, State, V, W, XI};
+use super::{
+    ALPHA, Accelerations, Accelerometer, COLUMNS, Chair, Command, Gyro, Jacobian, Output, R, S, State, Trig, V, W, XI,
+};
 use nalgebra::{Matrix2, Vector3};
 
 /// `y = h(x, u)` (eq. 20 corrected, or a point of a rigid body).
@@ -15,8 +17,24 @@ use nalgebra::{Matrix2, Vector3};
 ///
 /// With `v'` from the motion, gravity cancels from `a_x`: it measures the force, not the slope.
 pub fn output(chair: &Chair, x: &State, u: &Command, still: bool) -> Output {
-    let a = accelerations_with_gradients(chair, x, u, still);
-    let ((sa, ca), (sx, cx)) = (x[ALPHA].sin_cos(), x[XI].sin_cos());
+    let trig = Trig::of(x);
+    reading(chair, x, &trig, &accelerations_with_gradients(chair, x, &trig, u, still))
+}
+
+/// Jacobian of [`output`] over the state (eq. 45 corrected).
+pub fn output_jacobian(chair: &Chair, x: &State, u: &Command, still: bool) -> Jacobian {
+    observe(chair, x, u, still).1
+}
+
+/// [`output`] and [`output_jacobian`] at the price of one.
+pub fn observe(chair: &Chair, x: &State, u: &Command, still: bool) -> (Output, Jacobian) {
+    let trig = Trig::of(x);
+    let a = accelerations_with_gradients(chair, x, &trig, u, still);
+    (reading(chair, x, &trig, &a), sensitivity(chair, x, &trig, &a))
+}
+
+fn reading(chair: &Chair, x: &State, trig: &Trig, a: &Accelerations) -> Output {
+    let Trig { sa, ca, sx, cx } = *trig;
     let (v, r, w, g) = (x[V], x[R], x[W], chair.gravity);
     let [dx, dy, dz] = chair.lever;
     let gyro = match chair.gyro {
@@ -39,10 +57,8 @@ pub fn output(chair: &Chair, x: &State, u: &Command, still: bool) -> Output {
     Output::new(travel, x[ALPHA], gyro, ax, ay, az)
 }
 
-/// Jacobian of [`output`] over the state (eq. 45 corrected).
-pub fn output_jacobian(chair: &Chair, x: &State, u: &Command, still: bool) -> Jacobian {
-    let a = accelerations_with_gradients(chair, x, u, still);
-    let ((sa, ca), (sx, cx)) = (x[ALPHA].sin_cos(), x[XI].sin_cos());
+fn sensitivity(chair: &Chair, x: &State, trig: &Trig, a: &Accelerations) -> Jacobian {
+    let Trig { sa, ca, sx, cx } = *trig;
     let (v, r, w, g) = (x[V], x[R], x[W], chair.gravity);
     let [dx, dy, dz] = chair.lever;
     let mut jacobian = Jacobian::zeros();
