@@ -121,3 +121,59 @@ fn eleven_states_match_the_reference_runs() {
     run("ekf_aug_full", Biased { acceleration_input: false });
     run("ekf_aug_axin_full", Biased { acceleration_input: true });
 }
+
+/// filterpy's filter with the model written in numpy (`oracles/wheelchair_filterpy.py`), step by step.
+#[test]
+fn filterpy_agrees() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/oracles/wheelchair_filterpy.csv");
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let runs: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/runs.json")).unwrap();
+    let params: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/params.json")).unwrap();
+    let numbers = |list: &serde_json::Value| {
+        SVector::<f64, 6>::from_iterator(list.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()))
+    };
+    let mut worst = 0.0_f64;
+    for (variant, log) in [("full", "ekf_case2_full"), ("full_rich", "ekf_case3_full")] {
+        let setup = &runs[format!("{log}.csv")];
+        let mut chair = reference_chair(variant);
+        chair.heading_reference = setup["alpha_ref"].as_f64().unwrap();
+        let gate = Gate { deviations: 0.0, patience: 10 };
+        let noise = Noise::default();
+        let observer = Observer { chair, noise, limits: Limits::default(), gate, form: Basic };
+        let mut filter = Ekf::new(numbers(&setup["x0"]), numbers(&params["P0_6"]));
+        let table = vector_table(&format!("4-wheelchair/{log}.csv"));
+        let expected: Vec<Vec<&str>> =
+            text.lines().skip(1).map(|l| l.split(',').collect()).filter(|l: &Vec<&str>| l[1] == log).collect();
+        let mut next = expected.iter().peekable();
+        for row in 0..table.rows.len() {
+            let drive = |row: usize| Drive {
+                command: Command::new(table.at(row, "u_f"), table.at(row, "u_r")),
+                accel_x: None,
+                still: false,
+            };
+            if row > 0 {
+                observer.predict(&mut filter, 0.01, &drive(row - 1)).unwrap();
+            }
+            let y = Output::from_fn(|i, _| table.at(row, &format!("y{}", i + 1)));
+            observer.update(&mut filter, &mut [0; 6], &y.into(), &drive(row)).unwrap();
+            let Some(line) = next.next_if(|line| line[2].parse() == Ok(row)) else { continue };
+            for (name, cell) in header.iter().zip(line).skip(3) {
+                let index = |text: &str| text.parse::<usize>().unwrap() - 1;
+                let actual = match name.strip_prefix('x') {
+                    Some(k) => filter.mean[index(k)],
+                    None => {
+                        let (i, j) = name[1..].split_once('_').unwrap();
+                        filter.covariance[(index(i), index(j))]
+                    }
+                };
+                let expected: f64 = cell.parse().unwrap();
+                worst = worst.max((actual - expected).abs());
+                assert_close(&format!("{log} row {row} {name}"), actual, expected, 1e-10, 1e-10);
+            }
+        }
+        assert!(next.peek().is_none(), "{log}: not every row was compared");
+    }
+    println!("largest difference to filterpy: {worst:.1e}");
+}
