@@ -126,7 +126,7 @@ impl<const N: usize> Ekf<N> {
         let gain = divide(&cross, root);
         let whitened = whiten(&innovation, root);
         let nis = whitened.norm_squared();
-        let log_determinant = 2.0 * root.diagonal().iter().map(|pivot| pivot.ln()).sum::<f64>();
+        let log_determinant = 2.0 * root.diagonal().product().ln();
         let mean = self.mean + gain * innovation;
         // (I - K H) P (I - K H)^T + K R K^T, factor by factor: A P with A = I - K H is P - K (H P), and
         // (A P) A^T + K R K^T = A P + (K R - A P H^T) K^T.

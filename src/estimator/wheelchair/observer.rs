@@ -199,11 +199,11 @@ impl<F> Observer<F> {
         F: Form<N, P>,
     {
         let rows = self.rows(filter, sample, drive);
-        let before = filter.clone();
+        let before = drive.still.then(|| filter.clone());
         let sensors = filter.update(&rows, Some((self.gate, counters)))?;
-        if !drive.still {
+        let Some(before) = before else {
             return Ok(Update { nis: sensors.nis, dof: sensors.dof, sensors });
-        }
+        };
         // Independent of the sensors' noise and linear: updating in turn equals stacking the rows.
         let mut at_rest = Rows {
             innovation: SVector::<f64, P>::zeros(),
