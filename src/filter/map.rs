@@ -14,8 +14,8 @@ use super::tree_qr::TreeQr;
 /// Which method gave the result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Sparse `L D L'` with corrections. Where it would lose more than half of the digits of the
-    /// variances, these come from the orthogonal method.
+    /// Sparse `L D L'` with corrections. Where it would lose too many digits of the variances,
+    /// these come from the orthogonal method.
     SparseLdl,
     /// Orthogonal elimination along the tree, because the first method failed.
     TreeQr,
@@ -98,8 +98,12 @@ pub struct Map {
 /// Corrections after the first solution.
 const CORRECTIONS: usize = 2;
 /// Cancellation in the factor beyond which the variances, which cannot be corrected, would have less
-/// than eight digits.
-const CANCELLATION: f64 = 1e7;
+/// than five digits; the orthogonal method then gives them. An unknown that only a wide prior holds,
+/// such as a contact without a sensor, cancels by the prior's variance times the equations' weight.
+const CANCELLATION: f64 = 2e10;
+/// The same, for eight digits, where rows are left out: samples are missing now and then, so the
+/// slower method's time does not matter.
+const CANCELLATION_WITH_GAPS: f64 = 1e7;
 /// Largest last correction, relative to the solution, that counts as settled.
 const SETTLED: f64 = 1e-7;
 
@@ -172,7 +176,9 @@ impl Map {
             if !variances {
                 return Ok(Method::SparseLdl);
             }
-            if self.ldl.cancellation() < CANCELLATION && self.variances_by_ldl() {
+            let gaps = numbers.weight.contains(&0.0);
+            let bound = if gaps { CANCELLATION_WITH_GAPS } else { CANCELLATION };
+            if self.ldl.cancellation() < bound && self.variances_by_ldl() {
                 self.inverse_known = true;
                 return Ok(Method::SparseLdl);
             }
