@@ -39,6 +39,7 @@ pub mod noise;
 pub mod nursing_robot;
 pub mod session;
 pub mod weak_form;
+pub mod wheel_loader;
 pub mod wheelchair;
 mod wheeled_robot;
 
@@ -177,7 +178,7 @@ pub fn problem(vehicle: Vehicle) -> Option<Problem> {
         Vehicle::Wheelchair => Some(wheelchair::PROBLEM),
         Vehicle::HumanDynamics => Some(human_dynamics::PROBLEM),
         Vehicle::WheeledRobot => Some(wheeled_robot::PROBLEM),
-        Vehicle::WheelLoader => None,
+        Vehicle::WheelLoader => Some(wheel_loader::PROBLEM),
     }
 }
 

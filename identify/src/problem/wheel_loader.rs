@@ -1,0 +1,490 @@
+//! Wheel loader: rolling radii, rolling resistance, slip stiffness and centre of gravity.
+//!
+//! Three stages, each a convex program:
+//!
+//! 0. *Radii* from coasting samples, where a wheel does not slip: `v = r w`, Huber.
+//! 1. *Rolling resistance* from the impulse balance over half a second, Huber:
+//!    `sum dt [(T_f - B_f)/r_f + (T_r - B_r)/r_r - F_x - m g sin alpha] - [m dv + sum I_i dw_i/r_i]
+//!    = f sum dt (m g cos alpha + F_z)`.
+//! 2. *`theta = (K, K lambda, K h)`* from `T_i - I_i v'/r_i = r_i sigma_i g_i . theta`, linear in theta, each
+//!    row times the speed, so that the noisy slip speed `r w - v = v sigma` enters without a quotient.
+//!
+//! In stage 2 the slip is measured with noise several times its own size. Least squares then halves
+//! `K` and drives `h` to its bound, however long the log is. The rows are therefore solved by
+//! instrumental variables: the slip that the torque would cause stands in for the measured one.
+//! An error of a radius adds a constant to the slip; it is estimated along, `eta_i = K d ln r_i`, with
+//! what stage 0 knows as its prior, so that the height's interval contains the radii's.
+
+use super::{FitError, Fitted, Judgement, Known, Prediction, Problem, Session, Target, Task};
+use crate::assess::Limits;
+use crate::log::Log;
+use crate::report::Trace;
+use crate::solve::{Affine, Constraint, Regression, Rows, Unknown};
+use crate::vehicle::Vehicle;
+use wheelstate::model::wheel_loader::GRAVITY;
+
+/// The problem.
+pub const PROBLEM: Problem = Problem { known: || Vehicle::WheelLoader.parameters(), targets, estimate, validate };
+
+const RADII: [&str; 2] = ["loader.wheel_radius_front", "loader.wheel_radius_rear"];
+const ROLLING: &str = "rolling.coefficient";
+const STIFFNESS: &str = "start.slip_stiffness";
+const RATIO: &str = "start.cg_ratio";
+const HEIGHT: &str = "start.cg_height";
+/// Knowledge of the unknowns for the estimator: their standard errors.
+const WIDTHS: [(&str, &str); 3] =
+    [(STIFFNESS, "start.slip_stiffness_std"), (RATIO, "start.cg_ratio_std"), (HEIGHT, "start.cg_height_std")];
+
+/// Axle torque below which a wheel coasts, N.m, and the samples that a coast takes to settle.
+const COAST_TORQUE: f64 = 40.0;
+const COAST_SETTLE: usize = 20;
+/// Samples per window of the impulse balance, and per cluster of the moments: tyres bounce for
+/// several samples.
+const WINDOW: usize = 50;
+const CLUSTER: usize = 25;
+/// Slowest speed, m/s, and largest slip of the samples of stage 2.
+const SLOWEST: f64 = 0.8;
+const LARGEST_SLIP: f64 = 0.15;
+/// Linearisations of the radii's columns in stage 2.
+const PASSES: usize = 3;
+/// Relative standard deviation of a radius that is not to move.
+const FIXED: f64 = 1e-7;
+/// Given radii are kept if the log moves none of them by more than so many standard errors.
+const KEEP: f64 = 2.0;
+
+fn targets(_: &[Log]) -> Vec<Target> {
+    let declared = Vehicle::WheelLoader.parameters();
+    let names = [RADII[0], RADII[1], ROLLING, STIFFNESS, RATIO, HEIGHT];
+    names
+        .into_iter()
+        .chain(WIDTHS.iter().map(|(_, width)| *width))
+        .map(|name| Target::declared(&declared, name, true))
+        .collect()
+}
+
+/// What is known of the machine.
+#[derive(Clone, Copy, Debug)]
+pub struct Machine {
+    mass: f64,
+    wheelbase: f64,
+    inertia: [f64; 2],
+    bucket: [f64; 2],
+    radius: [f64; 2],
+    radius_std: f64,
+    rolling: f64,
+    /// Standard deviations of the speed and of the wheel speeds.
+    noise: [f64; 2],
+    /// `[K, lambda, h]` about which is linearised.
+    unknowns: [f64; 3],
+}
+
+impl Machine {
+    /// From the known parameters.
+    pub fn new(known: &Known) -> Self {
+        Self {
+            mass: known.get("loader.mass"),
+            wheelbase: known.get("loader.wheelbase"),
+            inertia: [known.get("loader.axle_inertia_front"), known.get("loader.axle_inertia_rear")],
+            bucket: [known.get("loader.bucket_reach"), known.get("loader.bucket_height")],
+            radius: [known.get(RADII[0]), known.get(RADII[1])],
+            radius_std: known.get("start.wheel_radius_std"),
+            rolling: known.get(ROLLING),
+            noise: [known.get("filter.measurement_std.speed"), known.get("filter.measurement_std.wheel_speed")],
+            unknowns: [known.get(STIFFNESS), known.get(RATIO), known.get(HEIGHT)],
+        }
+    }
+}
+
+/// One sample of a log.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    /// Net torque of each axle, brakes subtracted, N.m.
+    torque: [f64; 2],
+    slope: f64,
+    force: [f64; 2],
+    speed: f64,
+    /// The speed averaged over a quarter of a second: a weight that does not share the slip's noise.
+    smooth: f64,
+    wheel: [f64; 2],
+}
+
+fn samples(log: &Log) -> Result<Vec<Sample>, FitError> {
+    let zeros = vec![0.0; log.len()];
+    let optional = |name: &str| log.channel(name).unwrap_or(&zeros);
+    let torque = [log.require("torque_front")?, log.require("torque_rear")?];
+    let wheel = [log.require("wheel_speed_front")?, log.require("wheel_speed_rear")?];
+    let speed = log.require("speed")?;
+    let brake = [optional("brake_front"), optional("brake_rear")];
+    let (slope, push, pull) = (optional("slope"), optional("spading_force_x"), optional("spading_force_z"));
+    Ok((0..log.len())
+        .map(|k| {
+            let net = |i: usize| torque[i][k] - brake[i][k].abs() * (speed[k] / 0.05).tanh();
+            Sample {
+                torque: [net(0), net(1)],
+                slope: slope[k],
+                force: [push[k], pull[k]],
+                speed: speed[k],
+                smooth: average(speed, k),
+                wheel: [wheel[0][k], wheel[1][k]],
+            }
+        })
+        .collect())
+}
+
+/// Mean of the samples around `k`, missing ones left out.
+fn average(values: &[f64], k: usize) -> f64 {
+    let around = &values[k.saturating_sub(CLUSTER / 2)..(k + CLUSTER / 2 + 1).min(values.len())];
+    let (sum, count) =
+        around.iter().filter(|value| value.is_finite()).fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
+    sum / f64::from(count)
+}
+
+impl Sample {
+    fn weight(&self, machine: &Machine) -> f64 {
+        machine.mass * GRAVITY * self.slope.cos() + self.force[1]
+    }
+
+    /// Specific force from the forces alone: `(sum T/r - f W - F_x) / (m + sum I/r^2)`, and `v'`.
+    fn acceleration(&self, machine: &Machine) -> (f64, f64) {
+        let Machine { mass, inertia, radius, rolling, .. } = *machine;
+        let sense = (self.speed / 0.05).tanh();
+        let spinning: f64 = (0..2).map(|i| inertia[i] / (radius[i] * radius[i])).sum();
+        let drive: f64 = (0..2).map(|i| self.torque[i] / radius[i]).sum();
+        let gravity = GRAVITY * self.slope.sin();
+        // The spinning masses feel v', not the specific force.
+        let rate =
+            (drive - rolling * sense * self.weight(machine) - self.force[0] - mass * gravity) / (mass + spinning);
+        (rate + gravity, rate)
+    }
+
+    /// `g_i`: the axle's load is `g_i . (1, lambda, h)`.
+    fn load_row(&self, machine: &Machine, axle: usize) -> [f64; 3] {
+        let (a_s, _) = self.acceleration(machine);
+        let Machine { mass, wheelbase: l, bucket: [reach, height], .. } = *machine;
+        let static_part = mass * GRAVITY * self.slope.cos();
+        let [push, pull] = self.force;
+        if axle == 0 {
+            [pull * (l + reach) / l - push * height / l, static_part, -mass / l * a_s]
+        } else {
+            [static_part - pull * reach / l + push * height / l, -static_part, mass / l * a_s]
+        }
+    }
+
+    /// Slip speed `r w - v`, m/s: unlike the slip it has no noise in a denominator.
+    fn slip_speed(&self, machine: &Machine, axle: usize) -> f64 {
+        machine.radius[axle] * self.wheel[axle] - self.speed
+    }
+
+    /// Torque that reaches the ground.
+    fn traction(&self, machine: &Machine, axle: usize) -> f64 {
+        let (_, rate) = self.acceleration(machine);
+        self.torque[axle] - machine.inertia[axle] * rate / machine.radius[axle]
+    }
+}
+
+fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
+    let mut machine = Machine::new(task.known);
+    let logs: Vec<(Vec<Sample>, f64)> =
+        task.logs.iter().map(|log| Ok((samples(log)?, log.period()))).collect::<Result<_, FitError>>()?;
+    let mut radius_std = [FIXED; 2];
+    for axle in 0..2 {
+        if task.wants(RADII[axle]) {
+            radius_std[axle] = machine.radius_std;
+            if let Some((radius, std)) = coasting_radius(&logs, &machine, axle, session)? {
+                machine.radius[axle] = radius;
+                radius_std[axle] = std / radius;
+            } else {
+                session.note(format!("no coasting samples: {} stays within its start.wheel_radius_std", RADII[axle]));
+            }
+        }
+    }
+    if task.wants(ROLLING) {
+        let regression = impulse_balance(&logs, &machine);
+        if let Some(fit) = session.solve(&regression, &[ROLLING])? {
+            session.estimate(ROLLING, fit, |x| x[0]);
+            machine.rolling = session.solution(fit).theta[0];
+        }
+    }
+    if ![STIFFNESS, RATIO, HEIGHT].iter().chain(&RADII).any(|name| task.wants(name)) {
+        return Ok(());
+    }
+    let names: Vec<&str> = [STIFFNESS, RATIO, HEIGHT].into_iter().chain(WIDTHS.iter().map(|(_, w)| *w)).collect();
+    let Some(fit) = slip_fit(&logs, &mut machine, radius_std, &names, session)? else { return Ok(()) };
+    record(fit, [0.0; 3], session);
+    let given = Machine::new(task.known);
+    let mut kept = true;
+    for axle in 0..2 {
+        if task.wants(RADII[axle]) {
+            let radius = machine.radius[axle];
+            session.estimate_judged(RADII[axle], fit, radius_limits(0.0), move |x| radius * (1.0 + x[3 + axle] / x[0]));
+            let (value, std) = (session.value(RADII[axle]), session.std_error(RADII[axle]));
+            kept &= value.zip(std).is_some_and(|(value, std)| (value - given.radius[axle]).abs() < KEEP * std);
+        } else {
+            kept = false;
+        }
+    }
+    if kept {
+        keep_given_radii(&logs, machine, given.radius, &names, session)?;
+    }
+    for (name, width) in WIDTHS {
+        let (Some(value), Some(std)) = (session.value(name), session.std_error(name)) else { continue };
+        if std <= 0.25 * value.abs() {
+            session.estimate_judged(width, fit, judged(0.0), move |_| std);
+        } else {
+            session.give_up(width, &format!("{name} is not known well enough to start from"));
+        }
+    }
+    Ok(())
+}
+
+/// Solves stage 2 and leaves its answer in the machine for the next linearisation.
+fn slip_fit(
+    logs: &[(Vec<Sample>, f64)],
+    machine: &mut Machine,
+    radius_std: [f64; 2],
+    names: &[&str],
+    session: &mut Session,
+) -> Result<Option<Fitted>, FitError> {
+    let mut fit = None;
+    for _ in 0..PASSES {
+        fit = session.solve(&slip_balance(logs, machine, radius_std, true), names)?;
+        let Some(found) = fit else { break };
+        let theta = &session.solution(found).theta;
+        machine.unknowns = [theta[0], theta[1] / theta[0], theta[2] / theta[0]];
+    }
+    Ok(fit)
+}
+
+/// The radii's columns are strongly correlated with `K` by nature; the intervals say how much it matters.
+fn judged(systematic_std: f64) -> Judgement {
+    let limits = Limits { relative_error: 0.25, correlation: 1.0, condition_number: 1e6, ..Limits::default() };
+    Judgement { limits, systematic_std, ..Judgement::default() }
+}
+
+/// A radius matters for the slip: half a per cent is no knowledge.
+fn radius_limits(systematic_std: f64) -> Judgement {
+    let usual = judged(systematic_std);
+    Judgement { limits: Limits { relative_error: 0.005, ..usual.limits }, ..usual }
+}
+
+fn record(fit: Fitted, extra_std: [f64; 3], session: &mut Session) {
+    session.estimate_judged(STIFFNESS, fit, judged(extra_std[0]), |x| x[0]);
+    session.estimate_judged(RATIO, fit, judged(extra_std[1]), |x| x[1] / x[0]);
+    session.estimate_judged(HEIGHT, fit, judged(extra_std[2]), |x| x[2] / x[0]);
+}
+
+/// The log does not contradict the given radii, which were measured better than half a minute of
+/// driving can: they stay, and so does the uncertainty that the log alone would leave.
+fn keep_given_radii(
+    logs: &[(Vec<Sample>, f64)],
+    mut machine: Machine,
+    given: [f64; 2],
+    names: &[&str],
+    session: &mut Session,
+) -> Result<(), FitError> {
+    let joint = [STIFFNESS, RATIO, HEIGHT].map(|name| session.std_error(name).unwrap_or(f64::NAN));
+    let radii = RADII.map(|name| session.std_error(name).unwrap_or(f64::NAN));
+    machine.radius = given;
+    let Some(fit) = slip_fit(logs, &mut machine, [FIXED; 2], names, session)? else { return Ok(()) };
+    record(fit, [0.0; 3], session);
+    let alone = [STIFFNESS, RATIO, HEIGHT].map(|name| session.std_error(name).unwrap_or(f64::NAN));
+    let extra = std::array::from_fn(|i| (joint[i] * joint[i] - alone[i] * alone[i]).max(0.0).sqrt());
+    record(fit, extra, session);
+    for axle in 0..2 {
+        session.estimate_judged(RADII[axle], fit, radius_limits(radii[axle]), move |_| given[axle]);
+    }
+    session.note("the log agrees with the given rolling radii, which were kept");
+    Ok(())
+}
+
+/// Stage 0: the radius of an axle and its standard error, or nothing if the machine never coasts.
+fn coasting_radius(
+    logs: &[(Vec<Sample>, f64)],
+    machine: &Machine,
+    axle: usize,
+    session: &mut Session,
+) -> Result<Option<(f64, f64)>, FitError> {
+    let mut rows = Rows::new("coasting", "m/s", 1);
+    let mut cluster = 0;
+    for (samples, _) in logs {
+        let mut since = 0;
+        for sample in samples {
+            let coasts = sample.torque.iter().all(|torque| torque.abs() < COAST_TORQUE)
+                && sample.force.iter().all(|force| force.abs() < 100.0);
+            since = if coasts { since + 1 } else { 0 };
+            if since > COAST_SETTLE && sample.speed > 1.0 {
+                rows.push(&[sample.wheel[axle]], sample.speed, cluster / CLUSTER as u32);
+            }
+            cluster += 1;
+        }
+    }
+    if rows.len() < 50 {
+        return Ok(None);
+    }
+    let given = machine.radius[axle];
+    let prior = given * machine.radius_std;
+    let regression = Regression {
+        name: "coasting".to_owned(),
+        unknowns: vec![Unknown::within("r", 0.5 * given, 2.0 * given).with_prior(given, prior)],
+        groups: vec![rows],
+        constraints: Vec::new(),
+    };
+    let Some(fit) = session.solve(&regression, &[])? else { return Ok(None) };
+    let solution = session.solution(fit);
+    Ok(Some((solution.theta[0], solution.std(0))))
+}
+
+/// Stage 1: impulse balance over windows.
+fn impulse_balance(logs: &[(Vec<Sample>, f64)], machine: &Machine) -> Regression {
+    let Machine { mass, inertia, radius, .. } = *machine;
+    let mut rows = Rows::new("impulse", "N.s", 1);
+    let mut cluster = 0;
+    for (samples, dt) in logs {
+        for window in samples.windows(WINDOW + 1).step_by(WINDOW) {
+            if window.iter().any(|sample| sample.speed < 0.3) {
+                continue;
+            }
+            let (mut impulse, mut weight) = (0.0, 0.0);
+            for (k, sample) in window.iter().enumerate() {
+                let share = if k == 0 || k == WINDOW { 0.5 * dt } else { *dt };
+                let drive: f64 = (0..2).map(|i| sample.torque[i] / radius[i]).sum();
+                impulse += share * (drive - sample.force[0] - mass * GRAVITY * sample.slope.sin());
+                weight += share * sample.weight(machine);
+            }
+            let (first, last) = (&window[0], &window[WINDOW]);
+            impulse -= mass * (last.speed - first.speed);
+            for i in 0..2 {
+                impulse -= inertia[i] / radius[i] * (last.wheel[i] - first.wheel[i]);
+            }
+            rows.push(&[weight], impulse, cluster / 4);
+            cluster += 1;
+        }
+    }
+    Regression {
+        name: "impulse balance".to_owned(),
+        unknowns: vec![Unknown::within("f", 0.0, 0.3)],
+        groups: vec![rows],
+        constraints: Vec::new(),
+    }
+}
+
+/// Stage 2: torque against slip and load, unknowns `(K, K lambda, K h, eta_f, eta_r)`.
+fn slip_balance(
+    logs: &[(Vec<Sample>, f64)],
+    machine: &Machine,
+    radius_std: [f64; 2],
+    instrumented: bool,
+) -> Regression {
+    let [stiffness, lambda, height] = machine.unknowns;
+    let mut rows = Rows::new("slip", "N.m", 5);
+    let mut noise = vec![0.0; 36];
+    let mut cluster = 0;
+    for (samples, _) in logs {
+        for sample in samples {
+            cluster += 1;
+            for axle in 0..2 {
+                let slipping = sample.slip_speed(machine, axle);
+                let speed = sample.smooth;
+                if speed <= SLOWEST || slipping.abs() >= LARGEST_SLIP * speed || slipping.is_nan() {
+                    continue;
+                }
+                let g = sample.load_row(machine, axle);
+                let radius = machine.radius[axle];
+                let load = g[0] + g[1] * lambda + g[2] * height;
+                let traction = sample.traction(machine, axle);
+                // Times the speed: the noise of the slip speed is the same at every speed.
+                let row_of = |slipping: f64| {
+                    let mut row = [0.0; 5];
+                    for j in 0..3 {
+                        row[j] = radius * slipping * g[j];
+                    }
+                    row[3 + axle] = speed * radius * load;
+                    row
+                };
+                let row = row_of(slipping);
+                let id = cluster / CLUSTER as u32;
+                if instrumented {
+                    let instruments = row_of(speed * traction / (radius * stiffness * load));
+                    rows.push_instrumented(&row, speed * traction, &instruments, id);
+                } else if rows.push(&row, speed * traction, id) {
+                    // What the sensors' noise alone puts into the row.
+                    let sensors = machine.noise[0].powi(2) + (radius * machine.noise[1]).powi(2);
+                    for (j, k) in (0..9).map(|n| (n / 3, n % 3)) {
+                        noise[j * 6 + k] += radius * radius * sensors * g[j] * g[k];
+                    }
+                }
+            }
+        }
+        cluster += CLUSTER as u32;
+    }
+    if !instrumented && !rows.is_empty() {
+        rows.noise = noise.iter().map(|sum| sum / rows.len() as f64).collect();
+    }
+    let eta = |axle: usize| {
+        let std = stiffness * radius_std[axle];
+        Unknown::free(if axle == 0 { "eta_f" } else { "eta_r" }).with_prior(0.0, std)
+    };
+    let between = |index: usize, low: f64, high: f64| {
+        [
+            Constraint::NonNegative(Affine::new(&[(index, 1.0), (0, -low)], 0.0)),
+            Constraint::NonNegative(Affine::new(&[(index, -1.0), (0, high)], 0.0)),
+        ]
+    };
+    let mut constraints = between(1, 0.1, 0.9).to_vec();
+    constraints.extend(between(2, 0.3, 2.5));
+    Regression {
+        name: "slip and load".to_owned(),
+        unknowns: vec![
+            Unknown::within("K", 2.0, 80.0),
+            Unknown::free("K lambda"),
+            Unknown::free("K h"),
+            eta(0),
+            eta(1),
+        ],
+        groups: vec![rows],
+        constraints,
+    }
+}
+
+/// The regression of stage 2 with the known radii, by instruments or by plain least squares: for
+/// comparisons.
+pub fn slip_regression(log: &Log, known: &Known, instrumented: bool) -> Result<Regression, FitError> {
+    let logs = vec![(samples(log)?, log.period())];
+    Ok(slip_balance(&logs, &Machine::new(known), [FIXED; 2], instrumented))
+}
+
+/// Predicts the slip speed `r w - v` of each axle, averaged over half a second.
+fn validate(task: &Task) -> Vec<Prediction> {
+    let machine = Machine::new(task.known);
+    let [stiffness, lambda, height] = machine.unknowns;
+    let mut predictions = Vec::new();
+    for log in task.logs {
+        let Ok(samples) = samples(log) else { continue };
+        for (axle, name) in ["slip speed, front axle", "slip speed, rear axle"].iter().enumerate() {
+            let mut trace = Trace {
+                name: (*name).to_owned(),
+                unit: "m/s".to_owned(),
+                log: log.source.clone(),
+                time: Vec::new(),
+                measured: Vec::new(),
+                predicted: Vec::new(),
+            };
+            for (window, times) in samples.chunks_exact(WINDOW).zip(log.time.chunks_exact(WINDOW)) {
+                let (mut measured, mut predicted) = (0.0, 0.0);
+                for sample in window {
+                    let g = sample.load_row(&machine, axle);
+                    let load = g[0] + g[1] * lambda + g[2] * height;
+                    let radius = machine.radius[axle];
+                    let sigma = sample.traction(&machine, axle) / (radius * stiffness * load);
+                    measured += sample.slip_speed(&machine, axle) / WINDOW as f64;
+                    predicted += sigma * sample.speed / WINDOW as f64;
+                }
+                trace.time.push(times[WINDOW / 2]);
+                trace.measured.push(measured);
+                trace.predicted.push(predicted);
+            }
+            predictions.push(Prediction { trace, independent: 1 });
+        }
+    }
+    predictions
+}

@@ -1,0 +1,126 @@
+//! The loader's identification on simulated logs whose truth is known.
+
+use rayon::prelude::*;
+use wheelstate_identify::log::Log;
+use wheelstate_identify::problem::{Known, fit, wheel_loader};
+use wheelstate_identify::progress::Progress;
+use wheelstate_identify::report::FitReport;
+use wheelstate_identify::request::FitRequest;
+use wheelstate_identify::simulate::{Request, simulate};
+use wheelstate_identify::solve::{Loss, Options, solve};
+use wheelstate_identify::vehicle::Vehicle;
+
+#[path = "../../tests/support/mod.rs"]
+mod support;
+use support::{median, quantile};
+
+fn log(scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Log {
+    let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
+    simulate(Vehicle::WheelLoader, &Request { scenario: scenario.to_owned(), seed, settings }).unwrap()
+}
+
+fn fitted(log: Log, request: &FitRequest) -> FitReport {
+    fit(Vehicle::WheelLoader, &[log], request, &Progress::default()).unwrap()
+}
+
+/// The machine's user starts from a wrong idea of it.
+fn request() -> FitRequest {
+    let start = [
+        ("start.slip_stiffness", 15.0),
+        ("start.cg_height", 1.1),
+        ("start.cg_ratio", 0.5),
+        ("rolling.coefficient", 0.02),
+    ];
+    FitRequest {
+        start: start.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect(),
+        ..FitRequest::default()
+    }
+}
+
+fn errors(reports: &[FitReport], name: &str, truth: f64) -> Vec<f64> {
+    reports.iter().map(|report| (report.parameters[name].value - truth).abs()).collect()
+}
+
+fn describe(what: &str, reports: &[FitReport]) {
+    for (name, truth) in [
+        ("start.slip_stiffness", 19.0),
+        ("start.cg_height", 0.95),
+        ("start.cg_ratio", 0.45),
+        ("rolling.coefficient", 0.03),
+        ("loader.wheel_radius_front", 0.55),
+        ("loader.wheel_radius_rear", 0.55),
+    ] {
+        let Some(_) = reports[0].parameters.get(name) else { continue };
+        let error = errors(reports, name, truth);
+        let std: Vec<f64> = reports.iter().map(|report| report.parameters[name].std_error).collect();
+        let covered = reports.iter().zip(&error).filter(|(r, e)| **e < 2.0 * r.parameters[name].std_error).count();
+        let identified = reports.iter().filter(|report| report.parameters[name].identified).count();
+        println!(
+            "{what:28} {name:26} error median {:7.3} % p95 {:7.3} %, std {:7.3} %, {covered} of {} in 2 std, {identified} identified",
+            100.0 * median(&error) / truth,
+            100.0 * quantile(&error, 0.95) / truth,
+            100.0 * median(&std) / truth,
+            reports.len(),
+        );
+    }
+}
+
+fn study(scenario: &str, settings: &[(&str, f64)], request: &FitRequest, seeds: u64) -> Vec<FitReport> {
+    (0..seeds).into_par_iter().map(|seed| fitted(log(scenario, seed, settings), request)).collect()
+}
+
+#[test]
+fn accelerating_and_braking_identifies_everything() {
+    let reports = study("accelerate-brake", &[], &request(), 20);
+    describe("accelerate-brake", &reports);
+    assert!(median(&errors(&reports, "start.cg_height", 0.95)) <= 0.08 * 0.95);
+    assert!(median(&errors(&reports, "start.cg_ratio", 0.45)) <= 0.02 * 0.45);
+    assert!(quantile(&errors(&reports, "rolling.coefficient", 0.03), 0.95) <= 0.001);
+}
+
+#[test]
+fn known_radii() {
+    let only = ["rolling.coefficient", "start.slip_stiffness", "start.cg_ratio", "start.cg_height"];
+    let request = FitRequest { only: only.map(str::to_owned).to_vec(), ..request() };
+    let reports = study("accelerate-brake", &[], &request, 20);
+    describe("accelerate-brake, radii known", &reports);
+    assert!(median(&errors(&reports, "start.cg_height", 0.95)) <= 0.08 * 0.95);
+    assert!(median(&errors(&reports, "start.cg_ratio", 0.45)) <= 0.02 * 0.45);
+}
+
+#[test]
+fn wrong_radii_are_found() {
+    let mut wide = request();
+    wide.settings.push(("start.wheel_radius_std".to_owned(), 0.003));
+    let reports = study("accelerate-brake", &[("plant.wheel_radius_front_error", 0.003)], &wide, 20);
+    describe("accelerate-brake, r_f +0.3 %", &reports);
+    let truth = 0.55 * 1.003;
+    assert!(median(&errors(&reports, "loader.wheel_radius_front", truth)) < 4e-4 * truth);
+    assert!(median(&errors(&reports, "start.cg_ratio", 0.45)) <= 0.02 * 0.45);
+}
+
+#[test]
+fn constant_torque_says_nothing_about_the_height() {
+    let reports = study("bumpy-c", &[], &request(), 20);
+    describe("bumpy-c", &reports);
+    for report in &reports {
+        assert!(!report.parameters["start.cg_height"].identified, "{:?}", report.parameters["start.cg_height"]);
+        assert!(report.warnings.iter().any(|warning| warning.contains("start.cg_height")));
+    }
+}
+
+/// The slip is noisier than it is large: least squares must fail, and its failure must be seen.
+#[test]
+fn plain_least_squares_fails_and_is_caught() {
+    let known = Known::new(Vehicle::WheelLoader.parameters());
+    let log = log("accelerate-brake", 1, &[]);
+    let options = Options { loss: Loss::Ls, ..Options::default() };
+    let plain = solve(&wheel_loader::slip_regression(&log, &known, false).unwrap(), &options).unwrap();
+    let instrumented = solve(&wheel_loader::slip_regression(&log, &known, true).unwrap(), &options).unwrap();
+    println!(
+        "K: plain {:.1}, instrumented {:.1}; noise share {:.2}",
+        plain.theta[0], instrumented.theta[0], plain.noise_share[0]
+    );
+    assert!(plain.theta[0] < 0.7 * 19.0 && (instrumented.theta[0] - 19.0).abs() < 0.1 * 19.0);
+    assert!(plain.noise_share[0] > 0.5, "the warning that the regressor is noise");
+}
