@@ -19,7 +19,7 @@
 //!
 //! Other programs skip step 5 and keep the propagated points, which loses the process noise in the
 //! measurement's spread; drawn anew the filter equals an unscented one with `alpha = 1, beta = 0,
-//! kappa = 0`. A measurement that is not finite is left out.
+//! kappa = 0`. Step 11 holds for any gain `W`. A measurement that is not finite is left out.
 
 use super::square_root::{absorb, forward, tria};
 use nalgebra::{SMatrix, SVector};
@@ -80,6 +80,20 @@ impl<const N: usize> SrCkf<N> {
         gate: f64,
         h: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
     ) -> Innovation<M> {
+        self.update_considering(z, std, gate, [false; N], h)
+    }
+
+    /// As [`update`](Self::update), but the states marked in `considered` keep their values: their
+    /// uncertainty counts, and no measurement moves them. For states that the measurements do not determine
+    /// and would only disturb.
+    pub fn update_considering<const M: usize>(
+        &mut self,
+        z: &SVector<f64, M>,
+        std: &SVector<f64, M>,
+        gate: f64,
+        considered: [bool; N],
+        h: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
+    ) -> Innovation<M> {
         let used: [bool; M] = std::array::from_fn(|j| z[j].is_finite());
         let channels = used.iter().filter(|used| **used).count();
         let mut out = Innovation {
@@ -126,7 +140,8 @@ impl<const N: usize> SrCkf<N> {
         // The centred points are ± S e_i sqrt(N/2N), so P_xz = S (Zc+ - Zc-)ᵀ / sqrt(2)
         let spread = self.factor * std::f64::consts::FRAC_1_SQRT_2;
         let covariance = spread * (plus - minus).transpose();
-        let gain = divide(&covariance, &out.factor);
+        let mut gain = divide(&covariance, &out.factor);
+        (0..N).filter(|i| considered[*i]).for_each(|i| gain.row_mut(i).fill(0.0));
         self.state += gain * out.residual;
         self.factor = tria(spread - gain * plus);
         absorb(&mut self.factor, -spread - gain * minus);

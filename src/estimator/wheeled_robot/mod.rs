@@ -74,6 +74,7 @@ pub struct State {
     yaw_activity: f64,
     speed_doubt: f64,
     speed_age: f64,
+    blind: bool,
     rejections: u32,
     nis: f64,
     nis_channels: [f64; 4],
@@ -204,7 +205,9 @@ impl WheeledRobot {
             let (ax, ay) = specific_force_at(&forces, x[2], imu.x, imu.y);
             Vector4::new(ax, ay, x[2], x[0])
         };
-        let innovation = filter.update(&z, &noise, gate, expected);
+        // A speed that nothing determines must not be moved by noise: it is considered, not updated.
+        let blind = speed.is_none() && s.blind;
+        let innovation = filter.update_considering(&z, &noise, gate, [blind, false, false], expected);
         status.raise_if(innovation.gated, Status::GATED);
         status.raise_if(innovation.channels == 0, Status::NO_MEASUREMENT);
         s.rejections = if innovation.gated { s.rejections + 1 } else { 0 };
@@ -254,7 +257,8 @@ impl WheeledRobot {
         s.speed_age = if measured { 0.0 } else { (s.speed_age + dt).min(1e9) };
         let active = s.steering_activity > 0.02f64.powi(2) && s.yaw_activity > 0.05f64.powi(2);
         let own = s.factor[0][0].abs();
-        if measured || (active && s.x[0].abs() > self.parameters.filter.minimum_speed) {
+        let seen = measured || (active && s.x[0].abs() > self.parameters.filter.minimum_speed);
+        if seen {
             s.speed_doubt = own;
         } else {
             let p = &self.parameters;
@@ -263,9 +267,9 @@ impl WheeledRobot {
             s.speed_doubt = grown.sqrt().max(own).min(200.0);
         }
         let unknown = s.speed_age > MEMORY || !sensed;
+        s.blind = unknown && !seen;
         let mut status = Status::OK;
-        let blind = unknown && !measured && s.speed_doubt > own;
-        status.raise_if(blind, Status::UNOBSERVABLE);
+        status.raise_if(s.blind, Status::UNOBSERVABLE);
         status
     }
 }
@@ -385,6 +389,7 @@ fn start(parameters: &Parameters, model: &Model, wheels: &WheelObservers) -> Sta
         yaw_activity: 0.0,
         speed_doubt: initial.speed_x_std,
         speed_age: 0.0,
+        blind: parameters.filter.channels != Channels::WheelSpeed && !parameters.filter.use_speed,
         rejections: 0,
         nis: 0.0,
         nis_channels: [0.0; 4],

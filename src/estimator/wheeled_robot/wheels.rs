@@ -212,7 +212,7 @@ impl WheelObservers {
 
     /// Whether all wheels that have a sample stand, or none has one.
     pub fn standing(&self, state: &WheelStates) -> Option<bool> {
-        let least = (3.0 * self.knowledge.speed_noise * self.radius).max(0.01);
+        let least = (5.0 * self.knowledge.speed_noise * self.radius).max(0.01);
         let mut measured = (0..4).filter(|i| state.measured[*i]).peekable();
         measured.peek()?;
         Some(measured.all(|i| (state.speeds[i] * self.radius).abs() < least))
