@@ -69,6 +69,8 @@ pub struct Instance {
     pub(crate) core: Core,
     pub(crate) machine: Box<dyn Machine>,
     pub(crate) period: f64,
+    /// The machine has outputs that are not yet among the values.
+    pub(crate) unread: bool,
     /// The states that the host holds.
     pub(crate) snapshots: Snapshots,
 }
@@ -90,7 +92,7 @@ impl Instance {
             stale: true,
         };
         let machine = model.machine();
-        Self { model, guid: guid.into(), core, machine, period: 0.0, snapshots: Snapshots::default() }
+        Self { model, guid: guid.into(), core, machine, period: 0.0, unread: false, snapshots: Snapshots::default() }
     }
 
     /// The model.
@@ -190,9 +192,18 @@ impl Instance {
             self.period = self.machine.sample_period();
             self.core.stale = false;
             self.machine.hold(&self.core.inputs);
-            self.machine.outputs(0.0, &mut self.core.outputs);
+            self.machine.predict(0.0);
+            self.machine.outputs(&mut self.core.outputs);
         }
         Ok(())
+    }
+
+    /// Brings the values of the outputs up to date; a step alone leaves that to the first reader.
+    pub(crate) fn settle(&mut self) {
+        if self.unread {
+            self.machine.outputs(&mut self.core.outputs);
+            self.unread = false;
+        }
     }
 
     fn locate(&self, reference: u32) -> Answer<Place> {
@@ -206,6 +217,7 @@ impl Instance {
         if self.core.phase == Phase::Initialization {
             self.refresh()?;
         }
+        self.settle();
         for (i, &reference) in references.iter().enumerate() {
             let (declared, values, index) = match self.locate(reference)? {
                 Place::Time if class == Type::Real => {
@@ -341,12 +353,15 @@ impl Instance {
                 )));
             }
         }
+        self.settle();
         let ahead = self.core.clock.ahead(self.period);
         let half = 0.5e-3 * self.period;
         let (early, late) = ((ahead - half).max(0.0), ahead + half);
         let (mut low, mut high) = (self.core.outputs.clone(), self.core.outputs.clone());
-        self.machine.outputs(early, &mut low);
-        self.machine.outputs(late, &mut high);
+        self.machine.predict(early);
+        self.machine.outputs(&mut low);
+        self.machine.predict(late);
+        self.machine.outputs(&mut high);
         for (&reference, value) in references.iter().zip(values) {
             if let Some(Place::Output(index)) = self.model.place(reference) {
                 *value = (high[index] - low[index]) / (late - early);
@@ -387,7 +402,8 @@ impl Instance {
             core.slopes.fill(0.0);
             core.sloped = false;
         }
-        self.machine.outputs(core.clock.ahead(self.period), &mut core.outputs);
+        self.machine.predict(core.clock.ahead(self.period));
+        self.unread = true;
         Ok(())
     }
 

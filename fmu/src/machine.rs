@@ -21,8 +21,10 @@ pub trait Machine {
     fn held(&self, inputs: &mut [f64]);
     /// Takes one sample of the held inputs, `sample_period` after the one before.
     fn step(&mut self);
-    /// The estimates `ahead` seconds after the last sample.
-    fn outputs(&mut self, ahead: f64, outputs: &mut [f64]);
+    /// Forms the estimates `ahead` seconds after the last sample.
+    fn predict(&mut self, ahead: f64);
+    /// The estimates last formed.
+    fn outputs(&self, outputs: &mut [f64]);
     /// Copies the state into `slot`, reusing what is there; `None` before [`build`](Self::build).
     fn save(&self, slot: &mut Option<Saved>);
     /// Continues from a state of an estimator with equal parameters.
@@ -87,11 +89,14 @@ impl<E: Estimator + 'static> Machine for Typed<E> {
         }
     }
 
-    fn outputs(&mut self, ahead: f64, outputs: &mut [f64]) {
+    fn predict(&mut self, ahead: f64) {
         if let Some(estimator) = &self.estimator {
             estimator.outputs(&self.inputs, ahead, &mut self.outputs);
-            self.outputs.write(outputs);
         }
+    }
+
+    fn outputs(&self, outputs: &mut [f64]) {
+        self.outputs.write(outputs);
     }
 
     fn save(&self, slot: &mut Option<Saved>) {

@@ -63,6 +63,7 @@ fn foreign(handle: usize) -> Refusal {
 impl Instance {
     /// `fmi2GetFMUstate`; overwrites the state of `handle` unless that is 0.
     pub fn get_state(&mut self, handle: usize) -> Answer<usize> {
+        self.settle();
         let (number, snapshot) = self.snapshots.slot(handle)?;
         self.machine.held(&mut self.core.held);
         match &mut snapshot.core {
@@ -91,6 +92,7 @@ impl Instance {
             }
         }
         self.core.clone_from(core);
+        self.unread = false;
         self.machine.hold(&core.held);
         Ok(())
     }

@@ -113,7 +113,8 @@ fn the_imported_fmu_is_the_native_estimator_bit_for_bit() {
             instance.do_step(k as f64 * period, period, true).unwrap();
             native.hold(&flat);
             native.step();
-            native.outputs(period, &mut expected);
+            native.predict(period);
+            native.outputs(&mut expected);
             let mut values = vec![0.0; outputs.len()];
             instance.get_real(&output_references, &mut values).unwrap();
             for (i, value) in outputs.iter().zip(&values) {
