@@ -4,8 +4,10 @@
 //! between a number and NaN would lose the sample after every gap.
 
 pub mod guid;
+pub mod markdown;
 pub mod page;
 pub mod resources;
+pub mod schema;
 pub mod units;
 
 use crate::abi::CATEGORIES;

@@ -88,7 +88,8 @@ fn table(page: &mut String, title: &str, list: &[Variable], starts: bool, change
     page.push_str("</table>\n");
 }
 
-fn unit(variable: &Variable) -> &str {
+/// What stands in a table as the unit.
+pub(super) fn unit(variable: &Variable) -> &str {
     match variable.kind {
         Kind::Real => variable.unit,
         Kind::Integer => "integer",
@@ -97,7 +98,8 @@ fn unit(variable: &Variable) -> &str {
     }
 }
 
-fn start(variable: &Variable) -> String {
+/// The start value in words.
+pub(super) fn start(variable: &Variable) -> String {
     match variable.kind {
         Kind::Boolean => (variable.start != 0.0).to_string(),
         Kind::Choice(items) => items.get(variable.start as usize).copied().unwrap_or_default().to_owned(),
