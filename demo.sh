@@ -44,7 +44,10 @@ cd "$out"
 if [ -z "$log" ]; then
   say "3/5 A ride to identify from: built-in plant, seed $seed"
   "$target/identify" simulate nursing-robot --scenario identification --seed "$seed" --out identification.csv
-  "$target/identify" simulate nursing-robot --scenario coughs --seed "$seed" --out ride.csv
+  # The same machine and floor, another ride: stop and go, and another person sits down at 16 s.
+  # shellcheck disable=SC2046 # one word per option is wanted
+  "$target/identify" simulate nursing-robot --scenario new-patient --seed "$seed" \
+    $("$here/.venv/bin/python" "$here/tests/demo/same_machine.py" identification.csv) --out ride.csv
   fit_log=identification.csv ride=ride.csv
 else
   say "3/5 Your log: $log"
@@ -59,7 +62,7 @@ say "4/5 Fitting and packing"
 "$target/pack" NursingRobot --params fit.json --out . || [ $? -eq 1 ]
 
 say "5/5 Running NursingRobot.fmu in fmpy"
-"$here/.venv/bin/python" "$here/tests/demo/demo.py" --fmu NursingRobot.fmu --log "$ride" --fit fit.json \
+"$here/.venv/bin/python" "$here/tests/demo/demo.py" --fmu NursingRobot.fmu --log "$ride" --fit fit.json --fit-log "$fit_log" \
   --result result.csv --plot result.png --report report.html
 say "Written to $out:"
 ls -1 "$out"

@@ -86,13 +86,13 @@ def table(rows):
 
 def fitted(fit, log):
     """The fitted parameters as aligned text; the truth of a simulated log beside them."""
-    lines = [f"{'parameter':<26}{'fitted':>11}{'95 % interval':>24}{'':2}verdict"]
+    lines = [f"{'parameter':<24}{'unit':>12}{'truth':>10}{'fitted':>10}{'95 % interval':>22}"]
     for name, p in fit["parameters"].items():
-        if not p["identified"]:
-            lines.append(f"{name:<26}{'-':>11}{'':>24}  not identified: default kept")
-            continue
-        low, high = p["ci95"]
-        lines.append(f"{name:<26}{p['value']:>11.5g}{f'{low:.5g} .. {high:.5g}':>24}  identified [{p['unit']}]")
+        truth = f"{log['true_' + name][0]:.4g}" if "true_" + name in log else "-"
+        value, interval = "-", "not identified, kept"
+        if p["identified"]:
+            value, interval = f"{p['value']:.4g}", "{:.4g} .. {:.4g}".format(*p["ci95"])
+        lines.append(f"{name:<24}{p['unit']:>12}{truth:>10}{value:>10}{interval:>22}")
     return "\n".join(lines)
 
 
@@ -134,7 +134,7 @@ def report(path, plot_path, texts):
 
 def main():
     arguments = argparse.ArgumentParser(description=__doc__)
-    for name in ("fmu", "log", "fit", "result", "plot", "report"):
+    for name in ("fmu", "log", "fit", "fit-log", "result", "plot", "report"):
         arguments.add_argument("--" + name, required=True)
     a = arguments.parse_args()
 
@@ -143,7 +143,7 @@ def main():
     result = run(a.fmu, log, {})
     np.savetxt(a.result, np.array(result.tolist()), delimiter=",", header=",".join(result.dtype.names), comments="")
 
-    texts = [("Fitted parameters, packed into the FMU", fitted(fit, log)), ("Estimates", table(compare(log, result)))]
+    texts = [("Fitted parameters, packed into the FMU", fitted(fit, read_log(a.fit_log))), ("Estimates", table(compare(log, result)))]
     for title, text in texts:
         print(f"\n{title}\n{text}")
     plot(log, result, a.plot)
