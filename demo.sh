@@ -12,7 +12,7 @@
 set -euo pipefail
 
 here=$(cd "$(dirname "$0")" && pwd)
-out="$PWD/demo-output" log="" columns="" seed=1
+out="$PWD/demo-output" log="" columns="" seed=6
 while [ $# -gt 0 ]; do
   case "$1" in
     --log) log=$(realpath "${2:?--log needs a file}"); shift 2 ;;
