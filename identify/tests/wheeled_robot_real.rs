@@ -1,4 +1,5 @@
 //! Recordings of real cars: lateral speed against the INS reference, with tyres from the other half.
+#![allow(clippy::approx_constant)] // a wheel radius of 0.318 m is not 1/pi
 
 use std::path::{Path, PathBuf};
 use wheelstate::estimator::wheeled_robot::{Channels, Outputs, Parameters, WheeledRobot};

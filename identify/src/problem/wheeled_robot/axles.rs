@@ -169,7 +169,11 @@ pub fn axles(log: &Log, p: &Parameters) -> Result<Axles, LogError> {
     Ok(axles)
 }
 
-fn torque(log: &Log, wheel: usize) -> Option<(Option<&[f64]>, Option<&[f64]>)> {
+/// A channel that a log may lack.
+type Recorded<'a> = Option<&'a [f64]>;
+
+/// Drive and brake torque of a wheel, if the log has either.
+fn torque(log: &Log, wheel: usize) -> Option<(Recorded<'_>, Recorded<'_>)> {
     let drive = log.channel(&format!("drive_torque_{}", WHEELS[wheel]));
     let brake = log.channel(&format!("brake_torque_{}", WHEELS[wheel]));
     (drive.is_some() || brake.is_some()).then_some((drive, brake))

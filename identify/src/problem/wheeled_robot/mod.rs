@@ -20,6 +20,7 @@ use crate::solve::{
 };
 use crate::vehicle::Vehicle;
 use axles::{Axles, Instant, axles, model, tires};
+use std::f64::consts::{LN_2, LN_10};
 use wheelstate::Variables;
 use wheelstate::estimator::wheeled_robot::Parameters;
 use wheelstate::model::tire::{Tire, Tires};
@@ -30,8 +31,8 @@ pub const PROBLEM: Problem = Problem { known: || Vehicle::WheeledRobot.parameter
 const AXLES: [&str; 2] = ["front", "rear"];
 const TIRE: [&str; 4] = ["stiffness", "shape", "friction", "curvature"];
 const ROLLING: &str = "rolling.coefficient";
-/// Ranges of the unknowns `(ln K0, C, ln mu0, E)`.
-const RANGES: [(f64, f64); 4] = [(2.302585, 16.118096), (1.0, 2.2), (-2.995732, 0.693147), (-5.0, 0.95)];
+/// Ranges of the unknowns `(ln K0, C, ln mu0, E)`: K0 from 10 to 1e7 N/rad, mu0 from 0.05 to 2.
+const RANGES: [(f64, f64); 4] = [(LN_10, 7.0 * LN_10), (1.0, 2.2), (-LN_2 - LN_10, LN_2), (-5.0, 0.95)];
 /// Standard deviations of the priors of `C` and `E`.
 const PRIOR_STD: [f64; 4] = [f64::INFINITY, 0.3, f64::INFINITY, 1.0];
 /// Largest standard error of an identified parameter, relative; of the curvature absolute.
@@ -267,12 +268,12 @@ fn validate(task: &Task) -> Vec<Prediction> {
     let tires = Tires::new(&front, &rear);
     let mut all = Vec::new();
     for (log, source) in logs.iter().zip(task.logs) {
-        for axle in 0..2 {
+        for (axle, which) in AXLES.iter().enumerate() {
             if !(0..4).any(|parameter| task.wants(&name(axle, parameter))) || log.instants.len() < LEAST_INSTANTS {
                 continue;
             }
             let trace = Trace {
-                name: format!("{} axle lateral force", AXLES[axle]),
+                name: format!("{which} axle lateral force"),
                 unit: "N".to_owned(),
                 log: source.source.clone(),
                 time: log.instants.iter().map(|instant| instant.time).collect(),
