@@ -294,15 +294,15 @@ variables! {
         /// Yaw rate of the robot, positive counter-clockwise seen from above. NaN: driving straight.
         yaw_rate: f64 = 0.0, "rad/s", measured;
         /// Measured pitch of the upper body, positive leaning forward; used if sway.use_tilt. NaN: no sample.
-        tilt: f64 = 0.0, "rad", measured;
+        tilt: f64 = f64::NAN, "rad", measured;
         /// Measured pitch rate of the upper body; used if sway.use_tilt_rate. NaN: no sample.
-        tilt_rate: f64 = 0.0, "rad/s", measured;
+        tilt_rate: f64 = f64::NAN, "rad/s", measured;
         /// Measured roll of the upper body, positive leaning right. Not used by the filters, whose motion is planar; for identification. NaN: no sample.
-        roll: f64 = 0.0, "rad", measured;
+        roll: f64 = f64::NAN, "rad", measured;
         /// Measured roll rate of the upper body. Not used by the filters; for identification. NaN: no sample.
-        roll_rate: f64 = 0.0, "rad/s", measured;
+        roll_rate: f64 = f64::NAN, "rad/s", measured;
         /// Longitudinal specific force (acceleration plus the share of gravity along a slope), positive forward; used if mass.use_accelerometer. NaN: no sample.
-        accel_x: f64 = 0.0, "m/s2", measured;
+        accel_x: f64 = f64::NAN, "m/s2", measured;
     }
 }
 
