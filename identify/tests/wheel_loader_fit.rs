@@ -106,7 +106,13 @@ fn constant_torque_says_nothing_about_the_height() {
     for report in &reports {
         assert!(!report.parameters["start.cg_height"].identified, "{:?}", report.parameters["start.cg_height"]);
         assert!(report.warnings.iter().any(|warning| warning.contains("start.cg_height")));
+        for name in ["loader.wheel_radius_front", "loader.wheel_radius_rear"] {
+            assert!(!report.parameters[name].identified, "{name}: {:?}", report.parameters[name]);
+        }
     }
+    let errors = errors(&reports, "start.cg_ratio", 0.45);
+    let within = reports.iter().zip(&errors).filter(|(r, e)| **e < 2.0 * r.parameters["start.cg_ratio"].std_error);
+    assert!(median(&errors) < 0.12 * 0.45 && within.count() >= 16);
 }
 
 /// The slip is noisier than it is large: least squares must fail, and its failure must be seen.

@@ -51,6 +51,8 @@ const PASSES: usize = 3;
 const FIXED: f64 = 1e-7;
 /// Given radii are kept if the log moves none of them by more than so many standard errors.
 const KEEP: f64 = 2.0;
+/// Relative standard error beyond which an unknown counts as unobservable.
+const UNOBSERVABLE: f64 = 0.25;
 
 fn targets(_: &[Log]) -> Vec<Target> {
     let declared = Vehicle::WheelLoader.parameters();
@@ -209,18 +211,31 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
         return Ok(());
     }
     let names: Vec<&str> = [STIFFNESS, RATIO, HEIGHT].into_iter().chain(WIDTHS.iter().map(|(_, w)| *w)).collect();
-    let Some(fit) = slip_fit(&logs, &mut machine, radius_std, &names, session)? else { return Ok(()) };
-    record(fit, [0.0; 3], session);
     let given = Machine::new(task.known);
-    let mut kept = true;
+    let Some(fit) = slip_fit(&logs, &mut machine, radius_std, None, &names, session)? else { return Ok(()) };
+    record(fit, [0.0; 3], session);
+    let (mut fit, mut height_known) = (fit, true);
+    if !relatively_known(HEIGHT, session) {
+        height_known = false;
+        let Some(again) = without_height(task, &logs, machine, &given, radius_std, &names, session)? else {
+            return Ok(());
+        };
+        fit = again;
+    }
+    let mut kept = height_known;
     for axle in 0..2 {
-        if task.wants(RADII[axle]) {
-            let radius = machine.radius[axle];
-            session.estimate_judged(RADII[axle], fit, radius_limits(0.0), move |x| radius * (1.0 + x[3 + axle] / x[0]));
-            let (value, std) = (session.value(RADII[axle]), session.std_error(RADII[axle]));
-            kept &= value.zip(std).is_some_and(|(value, std)| (value - given.radius[axle]).abs() < KEEP * std);
-        } else {
+        if !task.wants(RADII[axle]) {
             kept = false;
+            continue;
+        }
+        let radius = machine.radius[axle];
+        session.estimate_judged(RADII[axle], fit, radius_limits(0.0), move |x| radius * (1.0 + x[3 + axle] / x[0]));
+        let (value, std) = (session.value(RADII[axle]), session.std_error(RADII[axle]));
+        let Some((value, std)) = value.zip(std) else { continue };
+        kept &= (value - given.radius[axle]).abs() < KEEP * std;
+        if !height_known || std > 0.5 * machine.radius_std * radius {
+            kept = false;
+            session.retract(RADII[axle], "neither coasting nor changing torque shows it");
         }
     }
     if kept {
@@ -228,7 +243,7 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     }
     for (name, width) in WIDTHS {
         let (Some(value), Some(std)) = (session.value(name), session.std_error(name)) else { continue };
-        if std <= 0.25 * value.abs() {
+        if std <= UNOBSERVABLE * value.abs() {
             session.estimate_judged(width, fit, judged(0.0), move |_| std);
         } else {
             session.give_up(width, &format!("{name} is not known well enough to start from"));
@@ -237,17 +252,22 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     Ok(())
 }
 
+fn relatively_known(name: &str, session: &Session) -> bool {
+    session.value(name).zip(session.std_error(name)).is_some_and(|(value, std)| std <= UNOBSERVABLE * value.abs())
+}
+
 /// Solves stage 2 and leaves its answer in the machine for the next linearisation.
 fn slip_fit(
     logs: &[(Vec<Sample>, f64)],
     machine: &mut Machine,
     radius_std: [f64; 2],
+    height: Option<(f64, f64)>,
     names: &[&str],
     session: &mut Session,
 ) -> Result<Option<Fitted>, FitError> {
     let mut fit = None;
     for _ in 0..PASSES {
-        fit = session.solve(&slip_balance(logs, machine, radius_std, true), names)?;
+        fit = session.solve(&slip_balance(logs, machine, radius_std, height, true), names)?;
         let Some(found) = fit else { break };
         let theta = &session.solution(found).theta;
         machine.unknowns = [theta[0], theta[1] / theta[0], theta[2] / theta[0]];
@@ -257,7 +277,7 @@ fn slip_fit(
 
 /// The radii's columns are strongly correlated with `K` by nature; the intervals say how much it matters.
 fn judged(systematic_std: f64) -> Judgement {
-    let limits = Limits { relative_error: 0.25, correlation: 1.0, condition_number: 1e6, ..Limits::default() };
+    let limits = Limits { relative_error: UNOBSERVABLE, correlation: 1.0, condition_number: 1e6, ..Limits::default() };
     Judgement { limits, systematic_std, ..Judgement::default() }
 }
 
@@ -273,6 +293,38 @@ fn record(fit: Fitted, extra_std: [f64; 3], session: &mut Session) {
     session.estimate_judged(HEIGHT, fit, judged(extra_std[2]), |x| x[2] / x[0]);
 }
 
+/// At constant torque height and ratio are one unknown, and so are the radii and the slip stiffness:
+/// the given height, as uncertain as it is said to be, and the radii as they are leave a ratio that
+/// can be used. What the radii's uncertainty does to it is found by moving them.
+fn without_height(
+    task: &Task,
+    logs: &[(Vec<Sample>, f64)],
+    mut machine: Machine,
+    given: &Machine,
+    radius_std: [f64; 2],
+    names: &[&str],
+    session: &mut Session,
+) -> Result<Option<Fitted>, FitError> {
+    machine.unknowns = given.unknowns;
+    let prior = Some((given.unknowns[2], task.known.get("start.cg_height_std")));
+    let start = machine;
+    let Some(fit) = slip_fit(logs, &mut machine, [FIXED; 2], prior, names, session)? else { return Ok(None) };
+    let mut variance = [0.0; 2];
+    for axle in 0..2 {
+        let mut moved = start;
+        moved.radius[axle] *= 1.0 + radius_std[axle];
+        if slip_fit(logs, &mut moved, [FIXED; 2], prior, names, session)?.is_some() {
+            for (sum, (a, b)) in variance.iter_mut().zip(moved.unknowns.iter().zip(machine.unknowns)) {
+                *sum += (a - b).powi(2);
+            }
+        }
+    }
+    session.estimate_judged(STIFFNESS, fit, judged(variance[0].sqrt()), |x| x[0]);
+    session.estimate_judged(RATIO, fit, judged(variance[1].sqrt()), |x| x[1] / x[0]);
+    session.note("start.cg_height is not seen in the log; start.cg_ratio relies on its given value");
+    Ok(Some(fit))
+}
+
 /// The log does not contradict the given radii, which were measured better than half a minute of
 /// driving can: they stay, and so does the uncertainty that the log alone would leave.
 fn keep_given_radii(
@@ -285,7 +337,7 @@ fn keep_given_radii(
     let joint = [STIFFNESS, RATIO, HEIGHT].map(|name| session.std_error(name).unwrap_or(f64::NAN));
     let radii = RADII.map(|name| session.std_error(name).unwrap_or(f64::NAN));
     machine.radius = given;
-    let Some(fit) = slip_fit(logs, &mut machine, [FIXED; 2], names, session)? else { return Ok(()) };
+    let Some(fit) = slip_fit(logs, &mut machine, [FIXED; 2], None, names, session)? else { return Ok(()) };
     record(fit, [0.0; 3], session);
     let alone = [STIFFNESS, RATIO, HEIGHT].map(|name| session.std_error(name).unwrap_or(f64::NAN));
     let extra = std::array::from_fn(|i| (joint[i] * joint[i] - alone[i] * alone[i]).max(0.0).sqrt());
@@ -373,8 +425,10 @@ fn slip_balance(
     logs: &[(Vec<Sample>, f64)],
     machine: &Machine,
     radius_std: [f64; 2],
+    height: Option<(f64, f64)>,
     instrumented: bool,
 ) -> Regression {
+    let prior = height;
     let [stiffness, lambda, height] = machine.unknowns;
     let mut rows = Rows::new("slip", "N.m", 5);
     let mut noise = vec![0.0; 36];
@@ -437,7 +491,10 @@ fn slip_balance(
         unknowns: vec![
             Unknown::within("K", 2.0, 80.0),
             Unknown::free("K lambda"),
-            Unknown::free("K h"),
+            match prior {
+                Some((mean, std)) => Unknown::free("K h").with_prior(stiffness * mean, stiffness * std),
+                None => Unknown::free("K h"),
+            },
             eta(0),
             eta(1),
         ],
@@ -450,7 +507,7 @@ fn slip_balance(
 /// comparisons.
 pub fn slip_regression(log: &Log, known: &Known, instrumented: bool) -> Result<Regression, FitError> {
     let logs = vec![(samples(log)?, log.period())];
-    Ok(slip_balance(&logs, &Machine::new(known), [FIXED; 2], instrumented))
+    Ok(slip_balance(&logs, &Machine::new(known), [FIXED; 2], None, instrumented))
 }
 
 /// Predicts the slip speed `r w - v` of each axle, averaged over half a second.
