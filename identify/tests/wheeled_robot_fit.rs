@@ -52,6 +52,8 @@ fn gentle_driving_leaves_the_peak_to_the_prior() {
     let report = tires(&[log("sine", 4, &[("plant.lateral", 1.0), ("plant.duration", 20.0)])], &[]);
     for axle in ["front", "rear"] {
         let stiffness = &report.parameters[&format!("tire.{axle}.stiffness")];
+        // noise in the slip angles flattens the curve; the interval knows
+        assert!(stiffness.ci95[0] < STIFFNESS && STIFFNESS < stiffness.ci95[1], "{:?}", stiffness.ci95);
         assert!(stiffness.identified && (stiffness.value / STIFFNESS - 1.0).abs() < 0.06, "{}", stiffness.value);
         for name in ["friction", "shape", "curvature"] {
             let name = format!("tire.{axle}.{name}");
@@ -63,7 +65,7 @@ fn gentle_driving_leaves_the_peak_to_the_prior() {
 
 #[test]
 fn rolling_resistance_needs_torques() {
-    let settings = [("rolling.coefficient", 0.02), ("plant.duration", 20.0), ("plant.lateral", 0.8)];
+    let settings = [("rolling.coefficient", 0.02), ("plant.duration", 20.0), ("plant.lateral", 2.0)];
     let mut log = log("sine", 5, &settings);
     let found = &tires(std::slice::from_ref(&log), &[]).parameters["rolling.coefficient"].clone();
     assert!(found.identified && (found.value - 0.02).abs() < 0.004, "{}", found.value);

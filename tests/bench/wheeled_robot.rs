@@ -2,6 +2,8 @@
 
 use divan::{Bencher, black_box};
 use nalgebra::{SVector, Vector3, Vector4};
+use wheelstate::Estimator;
+use wheelstate::estimator::wheeled_robot::{Inputs, Outputs, Parameters, WheeledRobot as Robot};
 use wheelstate::filter::sliding_mode::SlidingMode;
 use wheelstate::filter::srckf::SrCkf;
 use wheelstate::model::tire::{Tire, Tires};
@@ -77,5 +79,28 @@ fn cubature_filter(bencher: Bencher) {
             let forces = robot.forces(&(*x).into(), &drive);
             Vector4::new(forces.accel_x, forces.accel_y, x[2], x[0])
         })
+    });
+}
+
+#[divan::bench]
+fn whole_step(bencher: Bencher) {
+    let mut parameters = Parameters::default();
+    parameters.initial.speed_x = 3.0;
+    let mut estimator = Robot::new(&parameters).unwrap();
+    let mut outputs = Outputs::default();
+    let inputs = Inputs {
+        steering_angle: 0.1,
+        wheel_speed_fl: 20.0,
+        wheel_speed_fr: 20.0,
+        wheel_speed_rl: 20.0,
+        wheel_speed_rr: 20.0,
+        accel_y: 1.0,
+        gyro_z: 0.35,
+        ..Inputs::default()
+    };
+    bencher.bench_local(|| {
+        estimator.step(black_box(&inputs), 0.01);
+        estimator.outputs(&inputs, 0.0, &mut outputs);
+        outputs.speed_x
     });
 }

@@ -34,6 +34,8 @@ const WHEELS: [&str; 4] = ["fl", "fr", "rl", "rr"];
 pub struct Instant {
     /// Time, s.
     pub time: f64,
+    /// Longitudinal speed, m/s.
+    pub speed: f64,
     /// Slip angles, rad.
     pub slip: [f64; 4],
     /// Wheel loads, N.
@@ -75,6 +77,8 @@ pub struct Balance {
 pub struct Axles {
     /// For the tyres.
     pub instants: Vec<Instant>,
+    /// Standard deviation of the smoothed lateral speed's noise, m/s.
+    pub lateral_noise: f64,
     /// For the rolling resistance; empty without torques.
     pub balance: Vec<Balance>,
     /// Where the longitudinal forces come from.
@@ -118,7 +122,8 @@ pub fn axles(log: &Log, p: &Parameters) -> Result<Axles, LogError> {
     let smooth = |values: &[f64]| smooth(values, half);
     let steering = smooth(log.require("steering_angle")?);
     let gyro = smooth(log.require("gyro_z")?);
-    let lateral_speed = smooth(log.require("speed_y")?);
+    let raw = log.require("speed_y")?;
+    let lateral_speed = smooth(raw);
     let speed = smooth(match log.channel("speed_x") {
         Some(speed) => speed,
         None => log.require("speed")?,
@@ -133,7 +138,8 @@ pub fn axles(log: &Log, p: &Parameters) -> Result<Axles, LogError> {
     let torque_force = torque_force(log, p, period).map(|force| smooth(&force));
 
     let (v, base) = (&p.vehicle, p.vehicle.cg_to_front + p.vehicle.cg_to_rear);
-    let mut axles = Axles { forces_from, ..Axles::default() };
+    let lateral_noise = remaining_noise(raw, &lateral_speed, half);
+    let mut axles = Axles { forces_from, lateral_noise, ..Axles::default() };
     // Neighbours within the window are correlated; clusters of a second are independent enough.
     for k in (half..log.len().saturating_sub(half)).step_by(half) {
         let (delta, r, r_dot) = (steering[k], gyro[k], turn[k]);
@@ -154,7 +160,17 @@ pub fn axles(log: &Log, p: &Parameters) -> Result<Axles, LogError> {
         }
         let slip = model.slip_angles(&x, &Drive::new(delta, fx));
         let load = model.loads(ax, ay);
-        let instant = Instant { time: log.time[k], slip, load, axle_force, across, leak, longitudinal: fx, cluster };
+        let instant = Instant {
+            time: log.time[k],
+            speed: speed[k],
+            slip,
+            load,
+            axle_force,
+            across,
+            leak,
+            longitudinal: fx,
+            cluster,
+        };
         axles.instants.push(instant);
         if let Some(torque_force) = &torque_force
             && torque_force[k].is_finite()
@@ -245,6 +261,17 @@ fn torque_force(log: &Log, p: &Parameters, period: f64) -> Option<Vec<f64>> {
         }
     }
     any.then_some(sum)
+}
+
+/// What is left of a signal's white noise after smoothing: the noise is what the smoothing took away.
+fn remaining_noise(raw: &[f64], smoothed: &[f64], half: usize) -> f64 {
+    let taken: Vec<f64> = raw.iter().zip(smoothed).map(|(a, b)| (a - b).powi(2)).filter(|s| s.is_finite()).collect();
+    if taken.is_empty() {
+        return 0.0;
+    }
+    // sum of squares over square of the sum of the window's weights
+    let share = 0.75 / (half + 1) as f64;
+    (taken.iter().sum::<f64>() / taken.len() as f64 * share).sqrt()
 }
 
 /// Symmetric cosine window of `2 half + 1` samples; NaN spreads over it, at the ends it is cut.

@@ -139,7 +139,7 @@ fn tire(
     let mut end = unknowns(&prior);
     (0..4).filter(|i| free[*i]).zip(&fit.theta).for_each(|(i, value)| end[i] = *value);
     let fit = session.keep(fit);
-    record(axle, free, fit, session);
+    record(axle, free, fit, flattening(logs, axle), session);
     for parameter in (1..4).filter(|parameter| !free[*parameter]) {
         let reason = if near_peak {
             "prior only: the slip angles do not tell it from the other parameters".to_owned()
@@ -217,13 +217,27 @@ fn solve(
     refine(&problem, session.loss())
 }
 
-fn record(axle: usize, free: [bool; 4], fit: Fitted, session: &mut Session) {
+/// Relative loss of stiffness by noise in the slip angles: noise power over slip power.
+fn flattening(logs: &[Axles], axle: usize) -> f64 {
+    let (mut noise, mut slip) = (0.0, 0.0);
+    for log in logs {
+        for instant in &log.instants {
+            noise += (log.lateral_noise / instant.speed).powi(2);
+            slip += instant.slip[2 * axle].powi(2);
+        }
+    }
+    if slip > 0.0 { (noise / slip).min(1.0) } else { 0.0 }
+}
+
+fn record(axle: usize, free: [bool; 4], fit: Fitted, flattening: f64, session: &mut Session) {
+    let stiffness = session.solution(fit).theta[0].exp();
     // Condition and correlation say little beside priors: standard errors judge.
     let limits =
         Limits { condition_number: f64::INFINITY, relative_error: RELATIVE, correlation: 1.1, ..Limits::default() };
     let judgement = |parameter: usize| {
         let absolute_error = (parameter == 3).then_some(CURVATURE);
-        Judgement { limits: Limits { absolute_error, ..limits }, ..Judgement::default() }
+        let systematic_std = if parameter == 0 { flattening * stiffness } else { 0.0 };
+        Judgement { limits: Limits { absolute_error, ..limits }, systematic_std, ..Judgement::default() }
     };
     for (place, parameter) in (0..4).filter(|parameter| free[*parameter]).enumerate() {
         let exponential = parameter == 0 || parameter == 2;
