@@ -15,12 +15,15 @@
 //! An error of a radius adds a constant to the slip; it is estimated along, `eta_i = K d ln r_i`, with
 //! what stage 0 knows as its prior, so that the height's interval contains the radii's.
 
+mod sample;
+
 use super::{FitError, Fitted, Judgement, Known, Prediction, Problem, Session, Target, Task};
 use crate::assess::Limits;
 use crate::log::Log;
 use crate::report::Trace;
 use crate::solve::{Affine, Constraint, Regression, Rows, Unknown};
 use crate::vehicle::Vehicle;
+use sample::{Machine, Sample, samples};
 use wheelstate::model::wheel_loader::GRAVITY;
 
 /// The problem.
@@ -62,126 +65,6 @@ fn targets(_: &[Log]) -> Vec<Target> {
         .chain(WIDTHS.iter().map(|(_, width)| *width))
         .map(|name| Target::declared(&declared, name, true))
         .collect()
-}
-
-/// What is known of the machine.
-#[derive(Clone, Copy, Debug)]
-pub struct Machine {
-    mass: f64,
-    wheelbase: f64,
-    inertia: [f64; 2],
-    bucket: [f64; 2],
-    radius: [f64; 2],
-    radius_std: f64,
-    rolling: f64,
-    /// Standard deviations of the speed and of the wheel speeds.
-    noise: [f64; 2],
-    /// `[K, lambda, h]` about which is linearised.
-    unknowns: [f64; 3],
-}
-
-impl Machine {
-    /// From the known parameters.
-    pub fn new(known: &Known) -> Self {
-        Self {
-            mass: known.get("loader.mass"),
-            wheelbase: known.get("loader.wheelbase"),
-            inertia: [known.get("loader.axle_inertia_front"), known.get("loader.axle_inertia_rear")],
-            bucket: [known.get("loader.bucket_reach"), known.get("loader.bucket_height")],
-            radius: [known.get(RADII[0]), known.get(RADII[1])],
-            radius_std: known.get("start.wheel_radius_std"),
-            rolling: known.get(ROLLING),
-            noise: [known.get("filter.measurement_std.speed"), known.get("filter.measurement_std.wheel_speed")],
-            unknowns: [known.get(STIFFNESS), known.get(RATIO), known.get(HEIGHT)],
-        }
-    }
-}
-
-/// One sample of a log.
-#[derive(Clone, Copy, Debug)]
-struct Sample {
-    /// Net torque of each axle, brakes subtracted, N.m.
-    torque: [f64; 2],
-    slope: f64,
-    force: [f64; 2],
-    speed: f64,
-    /// The speed averaged over a quarter of a second: a weight that does not share the slip's noise.
-    smooth: f64,
-    wheel: [f64; 2],
-}
-
-fn samples(log: &Log) -> Result<Vec<Sample>, FitError> {
-    let zeros = vec![0.0; log.len()];
-    let optional = |name: &str| log.channel(name).unwrap_or(&zeros);
-    let torque = [log.require("torque_front")?, log.require("torque_rear")?];
-    let wheel = [log.require("wheel_speed_front")?, log.require("wheel_speed_rear")?];
-    let speed = log.require("speed")?;
-    let brake = [optional("brake_front"), optional("brake_rear")];
-    let (slope, push, pull) = (optional("slope"), optional("spading_force_x"), optional("spading_force_z"));
-    Ok((0..log.len())
-        .map(|k| {
-            let net = |i: usize| torque[i][k] - brake[i][k].abs() * (speed[k] / 0.05).tanh();
-            Sample {
-                torque: [net(0), net(1)],
-                slope: slope[k],
-                force: [push[k], pull[k]],
-                speed: speed[k],
-                smooth: average(speed, k),
-                wheel: [wheel[0][k], wheel[1][k]],
-            }
-        })
-        .collect())
-}
-
-/// Mean of the samples around `k`, missing ones left out.
-fn average(values: &[f64], k: usize) -> f64 {
-    let around = &values[k.saturating_sub(CLUSTER / 2)..(k + CLUSTER / 2 + 1).min(values.len())];
-    let (sum, count) =
-        around.iter().filter(|value| value.is_finite()).fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
-    sum / f64::from(count)
-}
-
-impl Sample {
-    fn weight(&self, machine: &Machine) -> f64 {
-        machine.mass * GRAVITY * self.slope.cos() + self.force[1]
-    }
-
-    /// Specific force from the forces alone: `(sum T/r - f W - F_x) / (m + sum I/r^2)`, and `v'`.
-    fn acceleration(&self, machine: &Machine) -> (f64, f64) {
-        let Machine { mass, inertia, radius, rolling, .. } = *machine;
-        let sense = (self.speed / 0.05).tanh();
-        let spinning: f64 = (0..2).map(|i| inertia[i] / (radius[i] * radius[i])).sum();
-        let drive: f64 = (0..2).map(|i| self.torque[i] / radius[i]).sum();
-        let gravity = GRAVITY * self.slope.sin();
-        // The spinning masses feel v', not the specific force.
-        let rate =
-            (drive - rolling * sense * self.weight(machine) - self.force[0] - mass * gravity) / (mass + spinning);
-        (rate + gravity, rate)
-    }
-
-    /// `g_i`: the axle's load is `g_i . (1, lambda, h)`.
-    fn load_row(&self, machine: &Machine, axle: usize) -> [f64; 3] {
-        let (a_s, _) = self.acceleration(machine);
-        let Machine { mass, wheelbase: l, bucket: [reach, height], .. } = *machine;
-        let static_part = mass * GRAVITY * self.slope.cos();
-        let [push, pull] = self.force;
-        if axle == 0 {
-            [pull * (l + reach) / l - push * height / l, static_part, -mass / l * a_s]
-        } else {
-            [static_part - pull * reach / l + push * height / l, -static_part, mass / l * a_s]
-        }
-    }
-
-    /// Slip speed `r w - v`, m/s: unlike the slip it has no noise in a denominator.
-    fn slip_speed(&self, machine: &Machine, axle: usize) -> f64 {
-        machine.radius[axle] * self.wheel[axle] - self.speed
-    }
-
-    /// Torque that reaches the ground.
-    fn traction(&self, machine: &Machine, axle: usize) -> f64 {
-        let (_, rate) = self.acceleration(machine);
-        self.torque[axle] - machine.inertia[axle] * rate / machine.radius[axle]
-    }
 }
 
 fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
@@ -310,9 +193,9 @@ fn without_height(
     let start = machine;
     let Some(fit) = slip_fit(logs, &mut machine, [FIXED; 2], prior, names, session)? else { return Ok(None) };
     let mut variance = [0.0; 2];
-    for axle in 0..2 {
+    for (axle, std) in radius_std.into_iter().enumerate() {
         let mut moved = start;
-        moved.radius[axle] *= 1.0 + radius_std[axle];
+        moved.radius[axle] *= 1.0 + std;
         if slip_fit(logs, &mut moved, [FIXED; 2], prior, names, session)?.is_some() {
             for (sum, (a, b)) in variance.iter_mut().zip(moved.unknowns.iter().zip(machine.unknowns)) {
                 *sum += (a - b).powi(2);
@@ -449,8 +332,8 @@ fn slip_balance(
                 // Times the speed: the noise of the slip speed is the same at every speed.
                 let row_of = |slipping: f64| {
                     let mut row = [0.0; 5];
-                    for j in 0..3 {
-                        row[j] = radius * slipping * g[j];
+                    for (cell, g) in row.iter_mut().zip(g) {
+                        *cell = radius * slipping * g;
                     }
                     row[3 + axle] = speed * radius * load;
                     row
