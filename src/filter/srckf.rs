@@ -62,6 +62,12 @@ impl<const N: usize> SrCkf<N> {
     /// Time update (steps 2 to 4) through `f`, with the standard deviations of the process noise over
     /// this step.
     pub fn predict(&mut self, std: &SVector<f64, N>, f: impl Fn(&SVector<f64, N>) -> SVector<f64, N>) {
+        self.predict_pairs(std, |pair| pair.map(|x| f(&x)));
+    }
+
+    /// As [`predict`](Self::predict) with a function of two opposite points at once, which a processor
+    /// may evaluate side by side.
+    pub fn predict_pairs(&mut self, std: &SVector<f64, N>, f: impl Fn([SVector<f64, N>; 2]) -> [SVector<f64, N>; 2]) {
         let (plus, minus) = self.points(&f);
         self.state = mean(&plus, &minus);
         self.factor = SMatrix::from_diagonal(&std.abs());
@@ -80,19 +86,19 @@ impl<const N: usize> SrCkf<N> {
         gate: f64,
         h: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
     ) -> Innovation<M> {
-        self.update_considering(z, std, gate, [false; N], h)
+        self.update_pairs(z, std, gate, [false; N], |pair| pair.map(|x| h(&x)))
     }
 
-    /// As [`update`](Self::update), but the states marked in `considered` keep their values: their
+    /// As [`update`](Self::update) with a function of two opposite points at once, and the states marked in `considered` keep their values: their
     /// uncertainty counts, and no measurement moves them. For states that the measurements do not determine
     /// and would only disturb.
-    pub fn update_considering<const M: usize>(
+    pub fn update_pairs<const M: usize>(
         &mut self,
         z: &SVector<f64, M>,
         std: &SVector<f64, M>,
         gate: f64,
         considered: [bool; N],
-        h: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
+        h: impl Fn([SVector<f64, N>; 2]) -> [SVector<f64, M>; 2],
     ) -> Innovation<M> {
         let used: [bool; M] = std::array::from_fn(|j| z[j].is_finite());
         let channels = used.iter().filter(|used| **used).count();
@@ -152,14 +158,15 @@ impl<const N: usize> SrCkf<N> {
     /// The points `x + sqrt(N) S e_i` and `x - sqrt(N) S e_i`, taken through `function`.
     fn points<const M: usize>(
         &self,
-        function: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
+        function: impl Fn([SVector<f64, N>; 2]) -> [SVector<f64, M>; 2],
     ) -> (SMatrix<f64, M, N>, SMatrix<f64, M, N>) {
         let step = (N as f64).sqrt();
         let (mut plus, mut minus) = (SMatrix::<f64, M, N>::zeros(), SMatrix::<f64, M, N>::zeros());
         for i in 0..N {
             let offset = self.factor.column(i) * step;
-            plus.set_column(i, &function(&(self.state + offset)));
-            minus.set_column(i, &function(&(self.state - offset)));
+            let [above, below] = function([self.state + offset, self.state - offset]);
+            plus.set_column(i, &above);
+            minus.set_column(i, &below);
         }
         (plus, minus)
     }

@@ -59,7 +59,7 @@ impl Tire {
     /// Lateral force at a slip angle (rad) under a vertical load (N), N.
     pub fn lateral_force(&self, slip_angle: f64, load: f64) -> f64 {
         let (slip_angle, load) = (f64x4::splat(slip_angle), f64x4::splat(load));
-        Tires::new(self, self).lateral_forces(slip_angle, load, f64x4::ZERO, false).to_array()[0]
+        Tires::new(self, self).lateral_forces(&[slip_angle], &[load], f64x4::ZERO, false)[0].to_array()[0]
     }
 }
 
@@ -107,25 +107,37 @@ impl Tires {
     /// As [`lateral_forces`](Self::lateral_forces), with plain arrays.
     pub fn lateral(&self, slip_angle: [f64; 4], load: [f64; 4], longitudinal: [f64; 4], combined: bool) -> [f64; 4] {
         let [slip_angle, load, longitudinal] = [slip_angle, load, longitudinal].map(f64x4::new);
-        self.lateral_forces(slip_angle, load, longitudinal, combined).to_array()
+        self.lateral_forces(&[slip_angle], &[load], longitudinal, combined)[0].to_array()
     }
 
-    /// Lateral forces at slip angles (rad) under loads (N), N.
+    /// Lateral forces at slip angles (rad) under loads (N), N, in one or several states of a vehicle.
     ///
     /// `combined` takes the share of friction that the longitudinal forces (N) use away by the
-    /// friction ellipse, `Fy sqrt(1 - (Fx/D)²)`.
+    /// friction ellipse, `Fy sqrt(1 - (Fx/D)²)`. The states go side by side from stage to stage: each is one
+    /// long chain of dependent operations, and several keep the processor busy.
     #[inline(always)]
-    pub fn lateral_forces(&self, slip_angle: f64x4, load: f64x4, longitudinal: f64x4, combined: bool) -> f64x4 {
-        let (peak, b) = self.peak_and_stiffness(load);
-        let straight = b * slip_angle;
-        let bent = straight - self.curvature * (straight - straight.atan());
-        let force = peak * sine(self.shape * bent.atan());
-        let force = load.simd_gt(f64x4::ZERO).select(force, f64x4::ZERO);
-        if !combined {
-            return force;
+    pub fn lateral_forces<const K: usize>(
+        &self,
+        slip_angle: &[f64x4; K],
+        load: &[f64x4; K],
+        longitudinal: f64x4,
+        combined: bool,
+    ) -> [f64x4; K] {
+        let curve = load.map(|load| self.peak_and_stiffness(load));
+        let straight: [f64x4; K] = std::array::from_fn(|k| curve[k].1 * slip_angle[k]);
+        let inner = straight.map(|x| x.atan());
+        let bent: [f64x4; K] = std::array::from_fn(|k| straight[k] - self.curvature * (straight[k] - inner[k]));
+        let outer = bent.map(|x| x.atan());
+        let shape = outer.map(|x| sine(self.shape * x));
+        let mut force: [f64x4; K] =
+            std::array::from_fn(|k| load[k].simd_gt(f64x4::ZERO).select(curve[k].0 * shape[k], f64x4::ZERO));
+        if combined {
+            for (force, (peak, _)) in force.iter_mut().zip(&curve) {
+                let used = longitudinal / *peak;
+                *force *= (f64x4::ONE - used * used).fast_max(f64x4::ZERO).sqrt();
+            }
         }
-        let used = longitudinal / peak;
-        force * (f64x4::ONE - used * used).fast_max(f64x4::ZERO).sqrt()
+        force
     }
 }
 

@@ -130,72 +130,127 @@ impl WheeledRobot {
     /// a wheel that would pull at the ground has lifted off.
     #[inline(always)]
     pub fn loads(&self, accel_x: f64, accel_y: f64) -> Wheels {
+        self.transfer().loads(accel_x, accel_y)
+    }
+
+    /// What the load transfer is made of; worked out once, for divisions are slow.
+    #[inline(always)]
+    fn transfer(&self) -> Transfer {
         let (weight, base) = (self.mass * GRAVITY, self.cg_to_front + self.cg_to_rear);
-        let front = ((weight * self.cg_to_rear - self.mass * accel_x * self.cg_height) / base).max(0.0).min(weight);
-        let rear = weight - front;
-        let lever = self.mass * accel_y * self.cg_height / base;
-        let shift_front = (lever * self.cg_to_rear / self.track_front).max(-0.5 * front).min(0.5 * front);
-        let shift_rear = (lever * self.cg_to_front / self.track_rear).max(-0.5 * rear).min(0.5 * rear);
-        [0.5 * front - shift_front, 0.5 * front + shift_front, 0.5 * rear - shift_rear, 0.5 * rear + shift_rear]
+        let lever = self.mass * self.cg_height / base;
+        Transfer {
+            weight,
+            front: weight * self.cg_to_rear / base,
+            pitch: lever,
+            roll_front: lever * self.cg_to_rear / self.track_front,
+            roll_rear: lever * self.cg_to_front / self.track_rear,
+        }
     }
 
     /// Forces and accelerations in a state. Loads depend on accelerations, these on tyre forces, and
     /// these on loads: four rounds of a fixed point, begun without lateral forces.
     #[inline]
     pub fn forces(&self, x: &Motion, drive: &Drive) -> Forces {
-        let slip_angle = self.slip_angles(x, drive);
+        let [forces] = self.forces_of(&[*x], drive);
+        forces
+    }
+
+    /// The forces in several states. Each state is one long chain of dependent operations; side by
+    /// side the chains keep the processor busy.
+    #[inline]
+    pub fn forces_of<const K: usize>(&self, x: &[Motion; K], drive: &Drive) -> [Forces; K] {
         let (s, c, fx) = (drive.steering_sin, drive.steering_cos, &drive.longitudinal);
-        let (slip, longitudinal) = (f64x4::new(slip_angle), f64x4::new(*fx));
+        let (transfer, per_mass, longitudinal) = (self.transfer(), 1.0 / self.mass, f64x4::new(*fx));
         let front_fx = fx[0] + fx[1];
-        let mut accel_x = (front_fx * c + fx[2] + fx[3]) / self.mass;
-        let mut accel_y = 0.0;
-        let (mut load, mut lateral) = ([0.0; 4], [0.0; 4]);
+        let (forward, sideward) = (front_fx * c + fx[2] + fx[3], front_fx * s);
+        let mut all: [Forces; K] = std::array::from_fn(|k| Forces {
+            slip_angle: self.slip_angles(&x[k], drive),
+            load: [0.0; 4],
+            lateral: [0.0; 4],
+            accel_x: forward * per_mass,
+            accel_y: 0.0,
+            yaw_acceleration: 0.0,
+        });
+        let slip = std::array::from_fn(|k| f64x4::new(all[k].slip_angle));
         for _ in 0..4 {
-            load = self.loads(accel_x, accel_y);
-            lateral = self.tires.lateral_forces(slip, f64x4::new(load), longitudinal, self.combined).to_array();
-            let front_fy = lateral[0] + lateral[1];
-            accel_x = (front_fx * c - front_fy * s + fx[2] + fx[3]) / self.mass;
-            accel_y = (front_fx * s + front_fy * c + lateral[2] + lateral[3]) / self.mass;
+            for one in &mut all {
+                one.load = transfer.loads(one.accel_x, one.accel_y);
+            }
+            let load = std::array::from_fn(|k| f64x4::new(all[k].load));
+            let lateral = self.tires.lateral_forces::<K>(&slip, &load, longitudinal, self.combined);
+            for (one, lateral) in all.iter_mut().zip(lateral) {
+                one.lateral = lateral.to_array();
+                let [left, right, rear_left, rear_right] = one.lateral;
+                one.accel_x = (forward - (left + right) * s) * per_mass;
+                one.accel_y = (sideward + (left + right) * c + rear_left + rear_right) * per_mass;
+            }
         }
-        let bx: Wheels = [fx[0] * c - lateral[0] * s, fx[1] * c - lateral[1] * s, fx[2], fx[3]];
-        let by_front = front_fx * s + (lateral[0] + lateral[1]) * c;
-        let moment = self.cg_to_front * by_front - self.cg_to_rear * (lateral[2] + lateral[3])
-            + 0.5 * self.track_front * (bx[1] - bx[0])
-            + 0.5 * self.track_rear * (bx[3] - bx[2]);
-        Forces { slip_angle, load, lateral, accel_x, accel_y, yaw_acceleration: moment / self.yaw_inertia }
+        for one in &mut all {
+            let lateral = &one.lateral;
+            let bx: Wheels = [fx[0] * c - lateral[0] * s, fx[1] * c - lateral[1] * s, fx[2], fx[3]];
+            let by_front = front_fx * s + (lateral[0] + lateral[1]) * c;
+            let moment = self.cg_to_front * by_front - self.cg_to_rear * (lateral[2] + lateral[3])
+                + 0.5 * self.track_front * (bx[1] - bx[0])
+                + 0.5 * self.track_rear * (bx[3] - bx[2]);
+            one.yaw_acceleration = moment / self.yaw_inertia;
+        }
+        all
     }
 
     /// Slopes of the lateral forces over the slip angles at fixed loads, N/rad.
     pub fn cornering_slopes(&self, slip_angle: Wheels, load: Wheels, drive: &Drive) -> Wheels {
         const STEP: f64 = 1e-4;
         let (load, longitudinal) = (f64x4::new(load), f64x4::new(drive.longitudinal));
-        let at = |slip: f64x4| self.tires.lateral_forces(slip, load, longitudinal, self.combined);
         let (slip, step) = (f64x4::new(slip_angle), f64x4::splat(STEP));
-        ((at(slip + step) - at(slip - step)) / f64x4::splat(2.0 * STEP)).to_array()
+        let beside = [slip + step, slip - step];
+        let [above, below] = self.tires.lateral_forces(&beside, &[load; 2], longitudinal, self.combined);
+        ((above - below) / f64x4::splat(2.0 * STEP)).to_array()
     }
 
     /// Time derivative of the motion.
     #[inline]
     pub fn derivative(&self, x: &Motion, drive: &Drive) -> Motion {
-        let forces = self.forces(x, drive);
-        let [vx, vy, r] = *x;
-        [forces.accel_x + r * vy, forces.accel_y - r * vx, forces.yaw_acceleration]
+        let [rate] = self.derivatives(&[*x], drive);
+        rate
+    }
+
+    #[inline]
+    fn derivatives<const K: usize>(&self, x: &[Motion; K], drive: &Drive) -> [Motion; K] {
+        let forces = self.forces_of(x, drive);
+        std::array::from_fn(|k| {
+            let ([vx, vy, r], forces) = (x[k], &forces[k]);
+            [forces.accel_x + r * vy, forces.accel_y - r * vx, forces.yaw_acceleration]
+        })
     }
 
     /// The motion `dt` seconds later, in equal substeps.
     #[inline]
     pub fn advance(&self, x: &Motion, drive: &Drive, dt: f64, integrator: Integrator, substeps: u32) -> Motion {
+        let [x] = self.advance_of([*x], drive, dt, integrator, substeps);
+        x
+    }
+
+    /// As [`advance`](Self::advance) for several states side by side.
+    #[inline]
+    pub fn advance_of<const K: usize>(
+        &self,
+        mut x: [Motion; K],
+        drive: &Drive,
+        dt: f64,
+        integrator: Integrator,
+        substeps: u32,
+    ) -> [Motion; K] {
         let h = dt / f64::from(substeps.max(1));
-        let mut x = *x;
         for _ in 0..substeps.max(1) {
-            let k1 = self.derivative(&x, drive);
+            let k1 = self.derivatives(&x, drive);
             x = match integrator {
                 Integrator::Euler => ahead(&x, &k1, h),
                 Integrator::Rk4 => {
-                    let k2 = self.derivative(&ahead(&x, &k1, 0.5 * h), drive);
-                    let k3 = self.derivative(&ahead(&x, &k2, 0.5 * h), drive);
-                    let k4 = self.derivative(&ahead(&x, &k3, h), drive);
-                    std::array::from_fn(|i| x[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]))
+                    let k2 = self.derivatives(&ahead(&x, &k1, 0.5 * h), drive);
+                    let k3 = self.derivatives(&ahead(&x, &k2, 0.5 * h), drive);
+                    let k4 = self.derivatives(&ahead(&x, &k3, h), drive);
+                    let mean = |k: usize, i: usize| k1[k][i] + 2.0 * k2[k][i] + 2.0 * k3[k][i] + k4[k][i];
+                    std::array::from_fn(|k| std::array::from_fn(|i| x[k][i] + h / 6.0 * mean(k, i)))
                 }
             };
         }
@@ -203,8 +258,28 @@ impl WheeledRobot {
     }
 }
 
-fn ahead(x: &Motion, slope: &Motion, h: f64) -> Motion {
-    std::array::from_fn(|i| x[i] + h * slope[i])
+/// Load transfer, loads per acceleration.
+struct Transfer {
+    weight: f64,
+    front: f64,
+    pitch: f64,
+    roll_front: f64,
+    roll_rear: f64,
+}
+
+impl Transfer {
+    #[inline(always)]
+    fn loads(&self, accel_x: f64, accel_y: f64) -> Wheels {
+        let front = (self.front - self.pitch * accel_x).max(0.0).min(self.weight);
+        let (half_front, half_rear) = (0.5 * front, 0.5 * (self.weight - front));
+        let shift_front = (self.roll_front * accel_y).max(-half_front).min(half_front);
+        let shift_rear = (self.roll_rear * accel_y).max(-half_rear).min(half_rear);
+        [half_front - shift_front, half_front + shift_front, half_rear - shift_rear, half_rear + shift_rear]
+    }
+}
+
+fn ahead<const K: usize>(x: &[Motion; K], slope: &[Motion; K], h: f64) -> [Motion; K] {
+    std::array::from_fn(|k| std::array::from_fn(|i| x[k][i] + h * slope[k][i]))
 }
 
 /// What an inertial sensor `(dx, dy)` metres from the centre of gravity reads there, m/s²:

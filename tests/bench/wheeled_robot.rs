@@ -7,7 +7,7 @@ use wheelstate::estimator::wheeled_robot::{Inputs, Outputs, Parameters, WheeledR
 use wheelstate::filter::sliding_mode::SlidingMode;
 use wheelstate::filter::srckf::SrCkf;
 use wheelstate::model::tire::{Tire, Tires};
-use wheelstate::model::wheeled_robot::{Drive, Integrator, WheeledRobot};
+use wheelstate::model::wheeled_robot::{Drive, Integrator, Motion, WheeledRobot};
 
 fn main() {
     divan::main();
@@ -73,11 +73,12 @@ fn cubature_filter(bencher: Bencher) {
     let (q, r) = (Vector3::repeat(0.02), Vector4::new(0.1, 0.1, 0.01, 0.05));
     let z = Vector4::new(0.0, 1.0, 0.35, 3.0);
     bencher.bench_local(|| {
-        filter
-            .predict(&q, |x| SVector::from(robot.advance(&(*x).into(), black_box(&drive), 0.01, Integrator::Euler, 1)));
-        filter.update(black_box(&z), &r, f64::INFINITY, |x| {
-            let forces = robot.forces(&(*x).into(), &drive);
-            Vector4::new(forces.accel_x, forces.accel_y, x[2], x[0])
+        filter.predict_pairs(&q, |x| {
+            robot.advance_of(x.map(Motion::from), black_box(&drive), 0.01, Integrator::Euler, 1).map(SVector::from)
+        });
+        filter.update_pairs(black_box(&z), &r, f64::INFINITY, [false; 3], |x| {
+            let forces = robot.forces_of(&x.map(Motion::from), &drive);
+            std::array::from_fn(|k| Vector4::new(forces[k].accel_x, forces[k].accel_y, x[k][2], x[k][0]))
         })
     });
 }

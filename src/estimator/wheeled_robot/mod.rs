@@ -108,15 +108,14 @@ impl WheeledRobot {
     }
 
     fn advance(&self, x: &Motion, drive: &Drive, dt: f64) -> Motion {
-        self.advance_in(x, drive, dt, self.substeps(x[0], dt))
+        self.model.advance(x, drive, dt, self.integrator(), self.substeps(x[0], dt))
     }
 
-    fn advance_in(&self, x: &Motion, drive: &Drive, dt: f64, substeps: u32) -> Motion {
-        let integrator = match self.parameters.filter.integrator {
+    fn integrator(&self) -> Integrator {
+        match self.parameters.filter.integrator {
             Method::Euler => Integrator::Euler,
             Method::Rk4 => Integrator::Rk4,
-        };
-        self.model.advance(x, drive, dt, integrator, substeps)
+        }
     }
 
     /// Steps of the integrator at a speed: what keeps it at half its limit of stability, but no more
@@ -148,7 +147,11 @@ impl WheeledRobot {
         if self.state.samples > 0 {
             for _ in 0..steps {
                 let substeps = self.substeps(filter.state[0], h);
-                filter.predict(&process, |x| self.advance_in(&(*x).into(), &before, h, substeps).into());
+                filter.predict_pairs(&process, |x| {
+                    self.model
+                        .advance_of(x.map(Motion::from), &before, h, self.integrator(), substeps)
+                        .map(SVector::from)
+                });
             }
         }
 
@@ -200,14 +203,16 @@ impl WheeledRobot {
         let closed = p.filter.gate > 0.0 && s.rejections < MOST_REJECTIONS;
         let gate = if closed { p.filter.gate } else { f64::INFINITY };
         let (model, imu) = (&self.model, &p.imu);
-        let expected = |x: &Vector3<f64>| {
-            let forces = model.forces(&(*x).into(), &drive);
-            let (ax, ay) = specific_force_at(&forces, x[2], imu.x, imu.y);
-            Vector4::new(ax, ay, x[2], x[0])
+        let expected = |x: [Vector3<f64>; 2]| {
+            let forces = model.forces_of(&x.map(Motion::from), &drive);
+            std::array::from_fn(|k| {
+                let (ax, ay) = specific_force_at(&forces[k], x[k][2], imu.x, imu.y);
+                Vector4::new(ax, ay, x[k][2], x[k][0])
+            })
         };
         // A speed that nothing determines must not be moved by noise: it is considered, not updated.
         let blind = speed.is_none() && s.blind;
-        let innovation = filter.update_considering(&z, &noise, gate, [blind, false, false], expected);
+        let innovation = filter.update_pairs(&z, &noise, gate, [blind, false, false], expected);
         status.raise_if(innovation.gated, Status::GATED);
         status.raise_if(innovation.channels == 0, Status::NO_MEASUREMENT);
         s.rejections = if innovation.gated { s.rejections + 1 } else { 0 };
