@@ -60,7 +60,7 @@ fn rotate_in_from<const N: usize>(factor: &mut SMatrix<f64, N, N>, column: &mut 
 }
 
 /// Elements below this are no variance at all: their squares would underflow.
-const SMALLEST: f64 = 1e-140;
+const SMALLEST: f64 = 1e-100;
 
 /// Triangularises `[L | B]` row by row with Householder reflections and applies them to the rows
 /// `[left | right]` that stand below. On return `B` is zero.
@@ -99,25 +99,27 @@ fn absorb_carrying<const N: usize, const M: usize, const K: usize>(
         // The reflection takes (diagonal, row) to (+length, 0). For a positive diagonal the
         // difference diagonal - length cancels; its other form does not.
         let length = (diagonal * diagonal + square).sqrt();
-        let head = if diagonal > 0.0 { -square / (diagonal + length) } else { diagonal - length };
-        let scale = 2.0 / (head * head + square);
+        let sum = length + diagonal.abs();
+        let (head, scale) =
+            if diagonal >= 0.0 { (-square / sum, sum / (length * square)) } else { (-sum, 1.0 / (length * sum)) };
         factor[(i, i)] = length;
 
+        // Rows up to i of the block are zero by now; running over them keeps the loops' bounds fixed.
         let mut dot = [0.0; N];
         for (k, sum) in dot.iter_mut().enumerate().skip(i + 1) {
             *sum = head * factor[(k, i)];
         }
         for (j, element) in row.iter().enumerate() {
-            for (k, sum) in dot.iter_mut().enumerate().skip(i + 1) {
+            for (k, sum) in dot.iter_mut().enumerate() {
                 *sum += element * block[(k, j)];
             }
         }
-        for (k, sum) in dot.iter_mut().enumerate().skip(i + 1) {
+        for (k, sum) in dot.iter_mut().enumerate() {
             *sum *= scale;
             factor[(k, i)] -= head * *sum;
         }
         for (j, element) in row.iter().enumerate() {
-            for (k, sum) in dot.iter().enumerate().skip(i + 1) {
+            for (k, sum) in dot.iter().enumerate() {
                 block[(k, j)] -= element * sum;
             }
         }
@@ -209,9 +211,9 @@ pub fn andrews<const N: usize, const NY: usize>(
     absorb(&mut innovation, *hs);
     // G^T = U^-1 (H S) S^T
     let whitened = forward_columns(&innovation, hs);
-    let whitened_gain = s * whitened.transpose();
+    let whitened_gain = product(s, &whitened.transpose());
     let correction = forward_columns(&(innovation + v), hs);
-    FactorUpdate { factor: tria(s - whitened_gain * correction), innovation, whitened_gain }
+    FactorUpdate { factor: tria(s - product(&whitened_gain, &correction)), innovation, whitened_gain }
 }
 
 /// The update with a gain that need not be optimal: the factor of `(I - K H) P (I - K H)^T + K R K^T`.
@@ -224,9 +226,27 @@ pub fn joseph<const N: usize, const NY: usize>(
     v: &SMatrix<f64, NY, NY>,
     gain: &SMatrix<f64, N, NY>,
 ) -> SMatrix<f64, N, N> {
-    let mut factor = tria(s - gain * hs);
-    absorb(&mut factor, gain * v);
+    let mut factor = tria(s - product(gain, hs));
+    absorb(&mut factor, product(gain, v));
     factor
+}
+
+/// `A B` with loops that unroll: for matrices of this size a general product costs more in set-up
+/// than in arithmetic.
+pub fn product<const R: usize, const K: usize, const C: usize>(
+    a: &SMatrix<f64, R, K>,
+    b: &SMatrix<f64, K, C>,
+) -> SMatrix<f64, R, C> {
+    let mut product = SMatrix::<f64, R, C>::zeros();
+    for j in 0..C {
+        for k in 0..K {
+            let factor = b[(k, j)];
+            for i in 0..R {
+                product[(i, j)] += a[(i, k)] * factor;
+            }
+        }
+    }
+    product
 }
 
 /// `L^-1 b` for a lower triangular `L`. A zero pivot gives 0: that direction has no variance.

@@ -19,7 +19,7 @@
 //! of the innovation's covariance, which [`crate::filter::square_root`] takes from the whole factor;
 //! eq. 27 stands for two triangular solves.
 
-use super::square_root::{absorb, absorb_diagonal};
+use super::square_root::{absorb, product};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
@@ -100,11 +100,10 @@ impl Spread {
         }
         let drift = sum * self.weight;
         let root = self.weight.sqrt();
-        let mut factor = SMatrix::zeros();
+        let mut factor = SMatrix::from_diagonal(q);
         absorb(&mut factor, plus * root);
         absorb(&mut factor, minus * root);
         absorb(&mut factor, drift * self.surplus.sqrt());
-        absorb_diagonal(&mut factor, q);
         Gaussian { mean: centre + drift, factor }
     }
 }
@@ -117,8 +116,7 @@ pub fn predict_linearised<const N: usize>(
     prior: &SMatrix<f64, N, N>,
     q: &SVector<f64, N>,
 ) -> Gaussian<N> {
-    let mut factor = SMatrix::zeros();
-    absorb(&mut factor, f * prior);
-    absorb_diagonal(&mut factor, q);
+    let mut factor = SMatrix::from_diagonal(q);
+    absorb(&mut factor, product(f, prior));
     Gaussian { mean, factor }
 }

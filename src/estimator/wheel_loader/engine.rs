@@ -217,7 +217,7 @@ impl Engine {
                 continue;
             }
             let innovation = y[i] - predicted.mean[i];
-            let deviation = std_of(&predicted.factor, i).hypot(level[i]);
+            let deviation = (std_of(&predicted.factor, i).powi(2) + level[i] * level[i]).sqrt();
             if self.supervise && innovation.abs() > self.gate * deviation {
                 supervision.masked[i] = supervision.masked[i].saturating_add(1);
                 if supervision.masked[i] <= self.gate_samples {
