@@ -7,7 +7,7 @@
 //!
 //! The three forms of the linear measurement update agree in exact arithmetic:
 //!
-//! - [`array`]: one orthogonal transformation of `[[V, H S], [0, S]]`,
+//! - [`array()`]: one orthogonal transformation of `[[V, H S], [0, S]]`,
 //! - [`andrews`]: `S [I - F U^-T (U + V)^-1 F^T]` with `F = S^T H^T`,
 //! - [`joseph`]: `[(I - K H) S | K V]`, which is right for every gain `K`.
 

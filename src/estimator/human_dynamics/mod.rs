@@ -9,7 +9,7 @@
 //!
 //! Model: [`model::multibody`](crate::model::multibody). Solver: [`filter::map`](crate::filter::map).
 //! [`HumanDynamics`] is the seated body with a fixed list of sensors;
-//! [`WholeBody`](whole_body::WholeBody) takes any tree and any sensors.
+//! [`WholeBody`] takes any tree and any sensors.
 //!
 //! # Frames
 //! Pelvis, thorax, head, arms: x forward, y left, z up when sitting upright with the arms hanging;

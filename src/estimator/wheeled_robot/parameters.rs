@@ -69,19 +69,19 @@ variables! {
 variables! {
     /// Tyre of one axle in the Magic Formula.
     pub struct TireAxle {
-        /// Cornering stiffness of one wheel at the nominal load [K0].
+        /// Cornering stiffness of one wheel at the nominal load (K0).
         stiffness: f64 = 1318.464, "N/rad", [1e-2, 1e8];
-        /// Nominal load of one wheel [Fz0].
+        /// Nominal load of one wheel (Fz0).
         nominal_load: f64 = 147.15, "N", [1e-2, 1e7];
-        /// Load of the greatest stiffness over the nominal load [c2]; 0 makes the stiffness proportional to the load.
+        /// Load of the greatest stiffness over the nominal load (c2); 0 makes the stiffness proportional to the load.
         load_sensitivity: f64 = 2.0, "1", [0.0, 1000.0];
-        /// Shape factor [C].
+        /// Shape factor (C).
         shape: f64 = 1.4, "1", [1.0, 2.2];
-        /// Friction at the nominal load [mu0].
+        /// Friction at the nominal load (mu0).
         friction: f64 = 0.8, "1", [0.01, 10.0];
-        /// Change of the friction per relative change of the load [mu1].
+        /// Change of the friction per relative change of the load (mu1).
         friction_slope: f64 = -0.1, "1", [-2.0, 2.0];
-        /// Curvature factor [E].
+        /// Curvature factor (E).
         curvature: f64 = -0.2, "1", [-50.0, 1.0];
     }
 }
@@ -109,21 +109,21 @@ variables! {
 variables! {
     /// Wheel-force observer.
     pub struct Observer {
-        /// Linear gain [k].
+        /// Linear gain (k).
         gain: f64 = 10.0, "1/s", [0.0, 1e5], tunable;
-        /// Amplitude of the smooth switching term [eps]; with adaptation its start.
+        /// Amplitude of the smooth switching term (eps); with adaptation its start.
         amplitude: f64 = 246.0, "rad/s2", [0.0, 1e8], tunable;
-        /// Steepness of the smooth switching term [a].
+        /// Steepness of the smooth switching term (a).
         width: f64 = 0.08130081300813008, "s/rad", [0.0, 1e5], tunable;
-        /// Rate of the low-passed nominal force [lambda]; at most a quarter of gain + amplitude * width is well damped, 0 switches it off.
+        /// Rate of the low-passed nominal force (lambda); at most a quarter of gain + amplitude * width is well damped, 0 switches it off.
         nominal_rate: f64 = 7.5, "1/s", [0.0, 1e5], tunable;
         /// Whether the nominal force contains the torque over the radius.
         feedforward: bool = false, "1", tunable;
-        /// Largest longitudinal force of one wheel that is reported [f_max].
+        /// Largest longitudinal force of one wheel that is reported (f_max).
         force_limit: f64 = 1e9, "N", [1e-6, 1e12], tunable;
         /// Whether the amplitude adapts itself.
         adaptive: bool = false, "1", tunable;
-        /// Rate of the adaptation [gamma].
+        /// Rate of the adaptation (gamma).
         adaptation_rate: f64 = 200.0, "1/s2", [0.0, 1e8], tunable;
         /// Error of the wheel's speed below which the amplitude shrinks.
         dead_zone: f64 = 0.3, "rad/s", [0.0, 1e4], tunable;
@@ -185,7 +185,7 @@ variables! {
         measurement_std: MeasurementStd;
         /// A measurement is rejected when nis exceeds this; 0 accepts all. After ten rejections in a row the next one is accepted.
         gate: f64 = 0.0, "1", [0.0, 1e9], tunable;
-        /// Speed below which slip angles are taken as if at this speed [v_min].
+        /// Speed below which slip angles are taken as if at this speed (v_min).
         minimum_speed: f64 = 0.5, "m/s", [1e-3, 50.0];
         /// How the equations of motion are made discrete.
         integrator: Method = Method::Euler, "1";

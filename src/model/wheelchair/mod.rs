@@ -109,27 +109,27 @@ pub enum Accelerometer {
 /// What is fixed about a chair with its user.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chair {
-    /// Mass of chair and user, kg [M].
+    /// Mass of chair and user, kg (M).
     pub mass: f64,
-    /// Yaw inertia about the centre of mass, kg m^2 [Ic].
+    /// Yaw inertia about the centre of mass, kg m^2 (Ic).
     pub yaw_inertia: f64,
-    /// Centre of mass ahead of the driven axle, m [l].
+    /// Centre of mass ahead of the driven axle, m (l).
     pub com_ahead: f64,
-    /// Viscous drag, N s/m [D].
+    /// Viscous drag, N s/m (D).
     pub drag: f64,
-    /// Viscous yaw drag, N m s/rad [B].
+    /// Viscous yaw drag, N m s/rad (B).
     pub yaw_drag: f64,
-    /// Rolling resistance coefficient, 1 [crr].
+    /// Rolling resistance coefficient, 1 (crr).
     pub rolling_coefficient: f64,
-    /// Speed at which rolling resistance is at tanh(1) of its value, m/s [vs].
+    /// Speed at which rolling resistance is at tanh(1) of its value, m/s (vs).
     pub smoothing_speed: f64,
-    /// Dry yaw friction, N m [tauc].
+    /// Dry yaw friction, N m (tauc).
     pub yaw_friction: f64,
-    /// Yaw rate at which dry yaw friction is at tanh(1) of its value, rad/s [ws].
+    /// Yaw rate at which dry yaw friction is at tanh(1) of its value, rad/s (ws).
     pub smoothing_yaw_rate: f64,
-    /// Mass equivalent of the spinning wheels, kg [mrot].
+    /// Mass equivalent of the spinning wheels, kg (mrot).
     pub rotating_mass: f64,
-    /// Yaw inertia equivalent of the spinning wheels, kg m^2 [irot].
+    /// Yaw inertia equivalent of the spinning wheels, kg m^2 (irot).
     pub rotating_inertia: f64,
     /// Gravity, m/s^2.
     pub gravity: f64,
@@ -137,14 +137,14 @@ pub struct Chair {
     pub lever: [f64; 3],
     /// Radius of the driven wheels, m.
     pub wheel_radius: f64,
-    /// Encoder reference point to the right wheel, m [r1].
+    /// Encoder reference point to the right wheel, m (r1).
     pub to_right: f64,
-    /// Encoder reference point to the left wheel, m [r2].
+    /// Encoder reference point to the left wheel, m (r2).
     pub to_left: f64,
     /// Heading at which both encoders read zero, rad.
     pub heading_reference: f64,
     /// Encoder travel per radian of body pitch, m: the wheel radius if the encoders count rotation
-    /// relative to the frame, 0 if relative to the ground [renc].
+    /// relative to the frame, 0 if relative to the ground (renc).
     pub pitch_travel: f64,
     /// Equations of motion.
     pub dynamics: Dynamics,
@@ -155,12 +155,12 @@ pub struct Chair {
 }
 
 impl Chair {
-    /// Distance between the driven wheels, m [T].
+    /// Distance between the driven wheels, m (T).
     pub fn track(&self) -> f64 {
         self.to_right + self.to_left
     }
 
-    /// Encoder reference point to the left of the axle's midpoint, m [yP].
+    /// Encoder reference point to the left of the axle's midpoint, m (yP).
     pub fn reference_offset(&self) -> f64 {
         0.5 * (self.to_right - self.to_left)
     }

@@ -144,7 +144,7 @@ pub fn encoder_covariance(chair: &Chair, sigma: f64) -> Matrix2<f64> {
     Matrix2::new(r1 * r1 + r2 * r2, r2 - r1, r2 - r1, 2.0) * (scale * scale)
 }
 
-/// What `xi''` adds to the rigid accelerometer per rad/s^2, m [m]; the model leaves it to the noise.
+/// What `xi''` adds to the rigid accelerometer per rad/s^2, m (m); the model leaves it to the noise.
 pub fn tilt_lever(chair: &Chair, alpha: f64) -> Vector3<f64> {
     let (sa, ca) = alpha.sin_cos();
     let [dx, dy, dz] = chair.lever;
