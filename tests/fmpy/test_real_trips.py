@@ -73,4 +73,6 @@ def test_a_real_car_is_weighed_offline_and_online(program, tmp_path):
     heavy = weighed.pop("TripB33", None)
     ordinary = [offline for offline, *_ in weighed.values()]
     assert all(1350 <= mass <= 1560 for mass in ordinary), ordinary
-    assert heavy is None or heavy[0] > np.median(ordinary) + 120
+    if heavy is not None:
+        # About 200 kg more on board; the median of a few trips says little about the usual load.
+        assert heavy[0] > (np.median(ordinary) + 120 if len(ordinary) >= 8 else max(ordinary) + 50)
