@@ -16,19 +16,42 @@ use nalgebra::{SMatrix, SVector};
 /// The lower triangular `L` with non-negative diagonal and `L L^T = A A^T`.
 ///
 /// `A` has any number of columns; with fewer than `N` independent ones some diagonal elements are 0.
-pub fn tria<const N: usize, const M: usize>(a: SMatrix<f64, N, M>) -> SMatrix<f64, N, N> {
-    let mut factor = SMatrix::zeros();
-    absorb(&mut factor, a);
+pub fn tria<const N: usize, const M: usize>(mut a: SMatrix<f64, N, M>) -> SMatrix<f64, N, N> {
+    lower(&mut a);
+    let mut factor = SMatrix::<f64, N, N>::zeros();
+    for j in 0..N.min(M) {
+        factor.set_column(j, &a.column(j));
+    }
     factor
+}
+
+/// Makes `A` lower trapezoidal with a non-negative diagonal; `A A^T` stays. What lies right of the
+/// first `N` columns becomes 0.
+pub fn lower<const N: usize, const M: usize>(a: &mut SMatrix<f64, N, M>) {
+    for i in 0..N.min(M) {
+        let (left, right) = a.data.0.split_at_mut(i + 1);
+        let reflection = Reflection::<M>::new(i, &left[i], right);
+        reflection.apply(&mut left[i], right);
+    }
 }
 
 /// Adds the columns of `block` to a factor: `L L^T` becomes `L L^T + B B^T`.
 ///
 /// `tria([A | B])` is `absorb` of `B` into `tria(A)`: blocks of any width can follow one another.
-pub fn absorb<const N: usize, const M: usize>(factor: &mut SMatrix<f64, N, N>, block: SMatrix<f64, N, M>) {
-    let (mut left, mut right) = (SMatrix::<f64, 0, N>::zeros(), SMatrix::<f64, 0, M>::zeros());
-    let mut block = block;
-    absorb_carrying(factor, &mut block, &mut left, &mut right);
+pub fn absorb<const N: usize, const M: usize>(factor: &mut SMatrix<f64, N, N>, mut block: SMatrix<f64, N, M>) {
+    absorb_leading(factor, &mut block);
+}
+
+/// Triangularises the first `C` rows of `[L | B]`, where `L` holds the first `C` columns of a factor.
+/// On return these rows of `B` are zero and its other rows are what is left for the other columns.
+pub fn absorb_leading<const N: usize, const C: usize, const M: usize>(
+    leading: &mut SMatrix<f64, N, C>,
+    block: &mut SMatrix<f64, N, M>,
+) {
+    for i in 0..C {
+        let reflection = Reflection::<M>::new(i, &leading.data.0[i], &block.data.0);
+        reflection.apply(&mut leading.data.0[i], &mut block.data.0);
+    }
 }
 
 /// Adds independent noise to single states: `L L^T + diag(std^2)`.
@@ -62,84 +85,78 @@ fn rotate_in_from<const N: usize>(factor: &mut SMatrix<f64, N, N>, column: &mut 
 /// Elements below this are no variance at all: their squares would underflow.
 const SMALLEST: f64 = 1e-100;
 
-/// Triangularises `[L | B]` row by row with Householder reflections and applies them to the rows
-/// `[left | right]` that stand below. On return `B` is zero.
+/// The Householder reflection of `[p | B]`, a column and a block of at most `M` columns, that makes
+/// row `i` of the block zero and the column's element not negative.
 ///
-/// The reflection of row `i` touches only column `i` of `L` and all columns of `B`, because the rest
-/// of that row of `L` is zero already. A row of `B` that is 1e-20 of its diagonal element carries
-/// nothing in double precision and is dropped: correlations that fade away step by step would
-/// otherwise underflow in the reflection's scale.
-fn absorb_carrying<const N: usize, const M: usize, const K: usize>(
-    factor: &mut SMatrix<f64, N, N>,
-    block: &mut SMatrix<f64, N, M>,
-    left: &mut SMatrix<f64, K, N>,
-    right: &mut SMatrix<f64, K, M>,
-) {
-    for i in 0..N {
-        let mut row = [0.0; M];
+/// A row of `B` that is 1e-20 of its diagonal element carries nothing in double precision and is
+/// dropped: correlations that fade away step by step would otherwise underflow in the scale.
+struct Reflection<const M: usize> {
+    row: usize,
+    /// Row `i` of the block.
+    tail: [f64; M],
+    /// First element of the reflection's vector, whose others are `tail`.
+    head: f64,
+    /// 2 over the square of the vector's length; 0 if nothing is reflected.
+    scale: f64,
+    /// What the column's element becomes.
+    length: f64,
+}
+
+impl<const M: usize> Reflection<M> {
+    #[inline(always)]
+    fn new<const N: usize>(row: usize, pivot: &[f64; N], block: &[[f64; N]]) -> Self {
+        let mut tail = [0.0; M];
         let (mut square, mut size) = (0.0, 0.0_f64);
-        for (j, element) in row.iter_mut().enumerate() {
-            *element = block[(i, j)];
-            block[(i, j)] = 0.0;
+        for (element, column) in tail.iter_mut().zip(block) {
+            *element = column[row];
             square += *element * *element;
             size = size.max(element.abs());
         }
-        let diagonal = factor[(i, i)];
+        let diagonal = pivot[row];
         if size <= 1e-20 * diagonal.abs() || size < SMALLEST {
-            if diagonal < 0.0 {
-                for k in i..N {
-                    factor[(k, i)] = -factor[(k, i)];
-                }
-                for k in 0..K {
-                    left[(k, i)] = -left[(k, i)];
-                }
-            }
-            continue;
+            return Self { row, tail, head: 0.0, scale: 0.0, length: diagonal };
         }
-        // The reflection takes (diagonal, row) to (+length, 0). For a positive diagonal the
+        // The reflection takes (diagonal, tail) to (+length, 0). For a positive diagonal the
         // difference diagonal - length cancels; its other form does not.
         let length = (diagonal * diagonal + square).sqrt();
         let sum = length + diagonal.abs();
         let (head, scale) =
             if diagonal >= 0.0 { (-square / sum, sum / (length * square)) } else { (-sum, 1.0 / (length * sum)) };
-        factor[(i, i)] = length;
+        Self { row, tail, head, scale, length }
+    }
 
-        // Rows up to i of the block are zero by now; running over them keeps the loops' bounds fixed.
-        let mut dot = [0.0; N];
-        for (k, sum) in dot.iter_mut().enumerate().skip(i + 1) {
-            *sum = head * factor[(k, i)];
+    /// Reflects the rows from which it was made; those above `row` are zero and stay so.
+    #[inline(always)]
+    fn apply<const N: usize>(&self, pivot: &mut [f64; N], block: &mut [[f64; N]]) {
+        self.carry(pivot, block);
+        pivot[self.row] = self.length.abs();
+        for column in block {
+            column[self.row] = 0.0;
         }
-        for (j, element) in row.iter().enumerate() {
-            for (k, sum) in dot.iter_mut().enumerate() {
-                *sum += element * block[(k, j)];
-            }
-        }
-        for (k, sum) in dot.iter_mut().enumerate() {
-            *sum *= scale;
-            factor[(k, i)] -= head * *sum;
-        }
-        for (j, element) in row.iter().enumerate() {
-            for (k, sum) in dot.iter().enumerate() {
-                block[(k, j)] -= element * sum;
-            }
-        }
+    }
 
-        let mut dot = [0.0; K];
-        for (k, sum) in dot.iter_mut().enumerate() {
-            *sum = head * left[(k, i)];
+    /// Reflects other rows of the same columns. All of them at once keeps the loops' bounds fixed.
+    #[inline(always)]
+    fn carry<const N: usize>(&self, pivot: &mut [f64; N], block: &mut [[f64; N]]) {
+        if self.scale == 0.0 {
+            if self.length < 0.0 {
+                pivot.iter_mut().for_each(|element| *element = -*element);
+            }
+            return;
         }
-        for (j, element) in row.iter().enumerate() {
-            for (k, sum) in dot.iter_mut().enumerate() {
-                *sum += element * right[(k, j)];
+        let mut dot = pivot.map(|element| self.head * element);
+        for (element, column) in self.tail.iter().zip(&*block) {
+            for k in 0..N {
+                dot[k] += element * column[k];
             }
         }
-        for (k, sum) in dot.iter_mut().enumerate() {
-            *sum *= scale;
-            left[(k, i)] -= head * *sum;
+        for k in 0..N {
+            dot[k] *= self.scale;
+            pivot[k] -= self.head * dot[k];
         }
-        for (j, element) in row.iter().enumerate() {
-            for (k, sum) in dot.iter().enumerate() {
-                right[(k, j)] -= element * sum;
+        for (element, column) in self.tail.iter().zip(block) {
+            for k in 0..N {
+                column[k] -= element * dot[k];
             }
         }
     }
@@ -147,16 +164,16 @@ fn absorb_carrying<const N: usize, const M: usize, const K: usize>(
 
 /// What a linear measurement update of a factor yields.
 #[derive(Clone, Copy, Debug)]
-pub struct FactorUpdate<const N: usize, const NY: usize> {
-    /// Factor of the posterior covariance, `N x N`.
-    pub factor: SMatrix<f64, N, N>,
+pub struct FactorUpdate<const N: usize, const NY: usize, const C: usize> {
+    /// Factor of the posterior covariance, or its first `C` columns, `N x C`.
+    pub factor: SMatrix<f64, N, C>,
     /// Factor `U` of the innovation covariance `H P H^T + V V^T`, `NY x NY`.
     pub innovation: SMatrix<f64, NY, NY>,
     /// `G = P H^T U^-T`, so that the Kalman gain is `G U^-1`; `N x NY`.
     pub whitened_gain: SMatrix<f64, N, NY>,
 }
 
-impl<const N: usize, const NY: usize> FactorUpdate<N, NY> {
+impl<const N: usize, const NY: usize, const C: usize> FactorUpdate<N, NY, C> {
     /// The innovation in units of its standard deviation, `U^-1 nu`, all elements independent.
     pub fn whiten(&self, nu: &SVector<f64, NY>) -> SVector<f64, NY> {
         forward(&self.innovation, nu)
@@ -184,16 +201,23 @@ impl<const N: usize, const NY: usize> FactorUpdate<N, NY> {
 
 /// The array form: an orthogonal matrix takes `[[V, H S], [0, S]]` to `[[U, 0], [G, S+]]`.
 ///
-/// `hs` is `H S` and `v` a lower factor of the measurement covariance.
-pub fn array<const N: usize, const NY: usize>(
-    s: &SMatrix<f64, N, N>,
-    hs: &SMatrix<f64, NY, N>,
+/// `hs` is `H S` and `v` a lower factor of the measurement covariance. Where only the first `C` columns
+/// of `H S` are not zero, which is so if the first `C` states are what is measured, the first `C` columns
+/// of `S` are enough: the update leaves the others as they are.
+pub fn array<const N: usize, const NY: usize, const C: usize>(
+    s: &SMatrix<f64, N, C>,
+    hs: &SMatrix<f64, NY, C>,
     v: &SMatrix<f64, NY, NY>,
-) -> FactorUpdate<N, NY> {
+) -> FactorUpdate<N, NY, C> {
     let (mut innovation, mut block) = (*v, *hs);
-    let (mut whitened_gain, mut factor) = (SMatrix::zeros(), *s);
-    absorb_carrying(&mut innovation, &mut block, &mut whitened_gain, &mut factor);
-    FactorUpdate { factor: tria(factor), innovation, whitened_gain }
+    let (mut whitened_gain, mut factor) = (SMatrix::<f64, N, NY>::zeros(), *s);
+    for i in 0..NY {
+        let reflection = Reflection::<C>::new(i, &innovation.data.0[i], &block.data.0);
+        reflection.apply(&mut innovation.data.0[i], &mut block.data.0);
+        reflection.carry(&mut whitened_gain.data.0[i], &mut factor.data.0);
+    }
+    lower(&mut factor);
+    FactorUpdate { factor, innovation, whitened_gain }
 }
 
 /// Andrews' form: `S+ = S [I - F U^-T (U + V)^-1 F^T]`, `F = S^T H^T`, `U U^T = F^T F + V V^T`.
@@ -202,18 +226,22 @@ pub fn array<const N: usize, const NY: usize>(
 /// guarantee; a raw QR may give `U` near `-V`, hence [`tria`]. `S+` is made triangular again.
 ///
 /// Erratum: the loader study's eq. 28 prints `P` for `S` and leaves `U` undefined.
-pub fn andrews<const N: usize, const NY: usize>(
-    s: &SMatrix<f64, N, N>,
-    hs: &SMatrix<f64, NY, N>,
+///
+/// As in [`array()`], the first `C` columns of `S` are enough where the others of `H S` are zero.
+pub fn andrews<const N: usize, const NY: usize, const C: usize>(
+    s: &SMatrix<f64, N, C>,
+    hs: &SMatrix<f64, NY, C>,
     v: &SMatrix<f64, NY, NY>,
-) -> FactorUpdate<N, NY> {
+) -> FactorUpdate<N, NY, C> {
     let mut innovation = *v;
     absorb(&mut innovation, *hs);
     // G^T = U^-1 (H S) S^T
     let whitened = forward_columns(&innovation, hs);
     let whitened_gain = product(s, &whitened.transpose());
     let correction = forward_columns(&(innovation + v), hs);
-    FactorUpdate { factor: tria(s - product(&whitened_gain, &correction)), innovation, whitened_gain }
+    let mut factor = s - product(&whitened_gain, &correction);
+    lower(&mut factor);
+    FactorUpdate { factor, innovation, whitened_gain }
 }
 
 /// The update with a gain that need not be optimal: the factor of `(I - K H) P (I - K H)^T + K R K^T`.

@@ -7,7 +7,7 @@ use super::supervision::{Fading, SlipLimits, Supervision};
 use crate::filter::square_root::{absorb_diagonal, andrews, array, joseph, std_of, tria};
 use crate::filter::srukf::{Gaussian, Spread, SpreadError, predict_linearised};
 use crate::model::wheel_loader::{Drive, Loader, Motion, Unknowns};
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// States of the belief as it is stored; without radii the last two are 0.
 pub const STATES: usize = 8;
@@ -206,8 +206,8 @@ impl Engine {
 
         // Channels: missing ones carry no information, far ones are rejected for a while.
         let mut nu = Vector3::zeros();
-        let mut hs = SMatrix::<f64, 3, N>::zeros();
-        let mut noise = SMatrix::<f64, 3, 3>::identity();
+        let mut hs = Matrix3::zeros(); // H S without its columns of zeros
+        let mut noise = Matrix3::identity();
         let mut outcome = Outcome::default();
         let mut used = 0;
         let (level, measurement) = self.measurement(&predicted, y, dt, supervision);
@@ -239,9 +239,10 @@ impl Engine {
 
         let mut posterior = predicted;
         if used > 0 {
+            let leading = predicted.factor.fixed_columns::<3>(0).into_owned();
             let update = match self.form {
-                Form::Andrews if !protect => andrews(&predicted.factor, &hs, &noise),
-                _ => array(&predicted.factor, &hs, &noise),
+                Form::Andrews if !protect => andrews(&leading, &hs, &noise),
+                _ => array(&leading, &hs, &noise),
             };
             outcome.nis = update.whiten(&nu).norm_squared() / f64::from(used);
             if protect {
@@ -249,11 +250,12 @@ impl Engine {
                 for row in 3..N {
                     gain.row_mut(row).fill(0.0);
                 }
+                let hs = SMatrix::<f64, 3, N>::from_fn(|i, j| if j < 3 { hs[(i, j)] } else { 0.0 });
                 posterior.mean += gain * nu;
                 posterior.factor = joseph(&predicted.factor, &hs, &noise, &gain);
             } else {
                 posterior.mean += update.step(&nu);
-                posterior.factor = update.factor;
+                posterior.factor.fixed_columns_mut::<3>(0).copy_from(&update.factor);
             }
         }
         self.limit(&mut posterior);
