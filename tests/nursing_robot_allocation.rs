@@ -3,12 +3,10 @@
 #[path = "support/counting.rs"]
 mod counting;
 
-use counting::ALLOCATIONS;
-use std::sync::atomic::Ordering;
+use counting::allocations;
 use wheelstate::Estimator;
 use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Outputs, Parameters, SwayModel};
 
-// One test only: a second one would allocate in its own thread meanwhile.
 #[test]
 fn steps_outputs_and_states_do_not_allocate() {
     for model in [SwayModel::PaperRaw, SwayModel::Paper, SwayModel::Sound, SwayModel::SoundTorque] {
@@ -18,7 +16,7 @@ fn steps_outputs_and_states_do_not_allocate() {
         let mut estimator = NursingRobot::new(&parameters).unwrap();
         let mut saved = estimator.state().clone();
         let mut outputs = Outputs::default();
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = allocations();
         for k in 0..1000 {
             let t = 0.01 * f64::from(k);
             let mut inputs = Inputs {
@@ -43,7 +41,7 @@ fn steps_outputs_and_states_do_not_allocate() {
             }
         }
         estimator.restore(&saved).unwrap();
-        let after = ALLOCATIONS.load(Ordering::Relaxed);
+        let after = allocations();
         assert_eq!(after - before, 0, "{model:?}");
     }
 }

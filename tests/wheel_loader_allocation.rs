@@ -3,8 +3,7 @@
 #[path = "support/counting.rs"]
 mod counting;
 
-use counting::ALLOCATIONS;
-use std::sync::atomic::Ordering;
+use counting::allocations;
 use wheelstate::Estimator;
 use wheelstate::estimator::wheel_loader::*;
 
@@ -17,7 +16,7 @@ fn steps_allocate_nothing() {
                 (p.filter.kind, p.filter.form, p.filter.radii) = (kind, form, radii);
                 let mut estimator = WheelLoader::new(&p).unwrap();
                 let mut out = Outputs::default();
-                let before = ALLOCATIONS.load(Ordering::Relaxed);
+                let before = allocations();
                 for k in 0..500 {
                     let v = 2.0 + 0.3 * (0.02 * f64::from(k)).sin();
                     let missing = k % 7 == 0;
@@ -32,7 +31,7 @@ fn steps_allocate_nothing() {
                     estimator.step(&inputs, if k == 200 { f64::NAN } else { 0.01 });
                     estimator.outputs(&inputs, 0.005, &mut out);
                 }
-                assert_eq!(ALLOCATIONS.load(Ordering::Relaxed) - before, 0);
+                assert_eq!(allocations() - before, 0);
             }
         }
     }

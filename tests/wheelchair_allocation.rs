@@ -3,12 +3,10 @@
 #[path = "support/counting.rs"]
 mod counting;
 
-use counting::ALLOCATIONS;
-use std::sync::atomic::Ordering;
+use counting::allocations;
 use wheelstate::Estimator;
 use wheelstate::estimator::wheelchair::{Inputs, Kind, Outputs, Parameters, Wheelchair};
 
-// One test only: a second one would allocate in its own thread meanwhile.
 #[test]
 fn steps_outputs_and_states_do_not_allocate() {
     for kind in [Kind::Basic, Kind::Bias, Kind::AccelerationInput, Kind::GravityVector] {
@@ -18,7 +16,7 @@ fn steps_outputs_and_states_do_not_allocate() {
         let mut estimator = Wheelchair::new(&parameters).unwrap();
         let mut saved = estimator.state().clone();
         let mut outputs = Outputs::default();
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = allocations();
         for k in 0..1000 {
             let t = 0.01 * f64::from(k);
             let mut inputs = Inputs {
@@ -48,7 +46,7 @@ fn steps_outputs_and_states_do_not_allocate() {
                 assert!(estimator.restore(&saved).is_ok());
             }
         }
-        assert_eq!(ALLOCATIONS.load(Ordering::Relaxed) - before, 0, "{kind:?}");
+        assert_eq!(allocations() - before, 0, "{kind:?}");
         assert!(outputs.speed.is_finite());
     }
 }

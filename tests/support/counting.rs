@@ -1,19 +1,25 @@
-//! An allocator that counts: for tests that a step allocates nothing. One test per file only, since a
-//! second one would allocate in its own thread meanwhile.
+//! An allocator that counts, thread by thread, for tests that a step allocates nothing: the test
+//! harness allocates in its own thread meanwhile.
 
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::cell::Cell;
 
 struct Counting;
 
-/// Allocations of this process so far.
-pub static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+thread_local! {
+    static COUNT: Cell<usize> = const { Cell::new(0) };
+}
+
+/// Allocations of this thread so far.
+pub fn allocations() -> usize {
+    COUNT.get()
+}
 
 // Safety: forwards everything to the system's allocator and counts.
 #[allow(unsafe_code)]
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        let _ = COUNT.try_with(|count| count.set(count.get() + 1));
         unsafe { System.alloc(layout) }
     }
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
