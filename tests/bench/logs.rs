@@ -5,8 +5,8 @@ use divan::Bencher;
 use std::fs::File;
 use std::path::PathBuf;
 use tempfile::TempDir;
-use wheelstate_identify::log::{ColumnMap, Log};
-use wheelstate_identify::progress::Progress;
+use wheelstate_log::progress::Progress;
+use wheelstate_log::{ColumnMap, Log};
 
 fn main() {
     divan::main();

@@ -2,9 +2,12 @@
 
 import subprocess
 
+import asammdf
 import fmpy
 import numpy as np
+import pyarrow
 import pytest
+from pyarrow import parquet
 from support import make_log, period, write_log
 
 
@@ -59,6 +62,37 @@ def test_a_column_map_with_units_and_conditions(fmu, extracted, replay, tmp_path
         assert np.allclose(result[name], expected[name], rtol=1e-9, atol=1e-9), name
 
 
+def test_parquet_and_mdf4_are_read_as_csv_is(fmu, extracted, replay, tmp_path):
+    """Files of pyarrow and asammdf, missing and infinite samples among them, give the bytes that CSV gives."""
+    log = make_log(fmpy.read_model_description(extracted(fmu)), rows=60, seed=35, gaps=0.1)
+    names = log.dtype.names
+    log[names[1]][7] = np.inf
+    write_log(tmp_path / "log.csv", log)
+    parquet.write_table(pyarrow.table({name: log[name] for name in names}), tmp_path / "log.parquet")
+    measured = [asammdf.Signal(log[name], log["time"], name=name) for name in names[1:]]
+    with asammdf.MDF(version="4.10") as file:
+        file.append(measured)
+        file.save(tmp_path / "log.mf4", overwrite=True)
+    replay(fmu, tmp_path / "log.csv")
+    expected = (tmp_path / "result.csv").read_bytes()
+    for ending in ["parquet", "mf4"]:
+        (tmp_path / "result.csv").unlink()
+        replay(fmu, tmp_path / f"log.{ending}")
+        assert (tmp_path / "result.csv").read_bytes() == expected, ending
+
+
+def test_the_result_may_be_parquet(fmu, extracted, replay, program, tmp_path):
+    write_log(tmp_path / "log.csv", make_log(fmpy.read_model_description(extracted(fmu)), rows=20, seed=36))
+    replay(fmu, tmp_path / "log.csv")
+    expected = fmpy.read_csv(tmp_path / "result.csv")
+    out = tmp_path / "result.parquet"
+    subprocess.run([program("replay"), str(fmu), str(tmp_path / "log.csv"), "--out", str(out)], check=True)
+    table = parquet.read_table(out)
+    assert set(table.column_names) == set(expected.dtype.names)
+    for name in table.column_names:
+        assert np.array_equal(table[name].to_numpy(), expected[name].astype(float)), name
+
+
 def test_the_sample_period_follows_a_slower_log(fmu, extracted, replay, tmp_path):
     description = fmpy.read_model_description(extracted(fmu))
     dt = 1.25 * period(description)
@@ -79,7 +113,7 @@ def test_refusals_are_one_line_and_write_nothing(fmu, extracted, replay, tmp_pat
     write_log(tmp_path / "good.csv", log)
     rows = (tmp_path / "good.csv").read_text().splitlines()
     cases = [
-        ("\n".join(rows[:1]), [], "at least 2"),
+        ("\n".join(rows[:1]), [], "no sample"),
         ("", [], "bad.csv"),
         ("\n".join(rows[:2]), [], "at least 2"),
         ("\n".join([rows[0].replace("time", "t"), *rows[1:]]), [], "no column 'time'"),

@@ -87,7 +87,7 @@ impl Refusal {
 
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
-    crate::guard::quiet();
+    crate::log::guard::quiet();
     let cli = Cli::parse();
     let outcome = match cli.command {
         Command::Fit(args) => fit::run(&args),

@@ -48,7 +48,7 @@ pub use session::{Fitted, Judgement, Session};
 
 use crate::log::{Log, LogError};
 use crate::progress::{Interrupted, Progress};
-use crate::report::{FORMAT_VERSION, FitReport, SignalFit, Trace, Validation};
+use crate::report::{FORMAT_VERSION, FitReport, LogEntry, SignalFit, Trace, Validation};
 use crate::request::FitRequest;
 use crate::solve::SolveError;
 use crate::vehicle::Vehicle;
@@ -227,7 +227,7 @@ pub fn fit_problem(
         format_version: FORMAT_VERSION,
         vehicle: vehicle.to_owned(),
         loss: request.loss.word().to_owned(),
-        logs: logs.iter().map(Log::entry).collect(),
+        logs: logs.iter().map(LogEntry::from).collect(),
         settings: request.start.iter().chain(&request.settings).cloned().collect(),
         validation: validation.0,
         traces: validation.1,

@@ -180,6 +180,12 @@ pub struct LogEntry {
     pub samples: usize,
 }
 
+impl From<&Log> for LogEntry {
+    fn from(log: &Log) -> Self {
+        Self { file: log.source.clone(), sha256: log.sha256.clone(), samples: log.len() }
+    }
+}
+
 /// One measured signal with its prediction.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trace {

@@ -4,7 +4,7 @@ use super::dung_beetle::Optimum;
 use super::replay::Track;
 use super::{Candidate, Objective, Replay, TuneRequest};
 use crate::log::Log;
-use crate::report::{FORMAT_VERSION, FitReport, Parameter, Verdict};
+use crate::report::{FORMAT_VERSION, FitReport, LogEntry, Parameter, Verdict};
 use crate::vehicle::Vehicle;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -92,7 +92,7 @@ pub(super) fn report<E: Estimator>(
         condition_number: f64::NAN,
         loss: request.objective.word().to_owned(),
         windows_used: replay.samples(),
-        logs: logs.iter().map(Log::entry).collect(),
+        logs: logs.iter().map(LogEntry::from).collect(),
         solver_status: format!("{} evaluations", optimum.evaluations),
         settings: request.settings.iter().cloned().collect(),
         ..FitReport::default()

@@ -4,39 +4,38 @@
 //! is linked here. So that the library itself stays free of the `fmi` crate, all code of this
 //! program is below this file.
 
-#[allow(dead_code)] // `identify` uses all of it
-#[path = "../../../../identify/src/log/columns/mod.rs"]
-mod columns;
-mod log_file;
 mod master;
 mod messages;
 
 use clap::Parser;
-use columns::ColumnMap;
+use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use wheelstate_log::output::Outputs;
+use wheelstate_log::progress::Progress;
+use wheelstate_log::{ColumnMap, Log, guard};
 
 const EXAMPLES: &str = "\
 Examples:
   replay NursingRobot.fmu ride.csv --out result.csv
   replay NursingRobot.fmu trip.csv --columns car.toml --set robot.mass=1195 --set mass.law=fixed
-  identify convert nursing-robot ride.mf4 --out ride.csv && replay NursingRobot.fmu ride.csv
+  replay Wheelchair.fmu run.mf4 --out result.parquet
 
-The log is CSV: a column time in s, the others named as the FMU's inputs; empty or nan is a missing
-sample. Every row's inputs hold from its time to that of the next. The result has the outputs at the
+Logs are CSV, Parquet or MDF4 (.csv, .parquet, .mf4): a column time in s, the others named as the
+FMU's inputs; empty or nan is a missing sample. The result's format follows its ending, too. Every row's inputs hold from its time to that of the next. The result has the outputs at the
 start and at the end of every row. If the rows of the log are further apart than the FMU's
 sample_period, it is set to their distance, so that no row counts twice; --set overrides this.
 
 Exit codes: 0 done, 2 refused.";
 
-/// Run an FMU over a log and write its outputs as CSV.
+/// Run an FMU over a log and write its outputs.
 #[derive(Parser)]
 #[command(name = "replay", version, after_help = EXAMPLES)]
 struct Arguments {
     /// The FMU
     #[arg(value_name = "MODEL.FMU")]
     model: PathBuf,
-    /// The log, CSV
+    /// The log: .csv, .parquet or .mf4
     #[arg(value_name = "LOG")]
     log: PathBuf,
     /// Column map for logs with other names and units
@@ -45,28 +44,36 @@ struct Arguments {
     /// A parameter, or an input that the log does not have (repeatable)
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<String>,
-    /// Where the result goes [default: standard output]
-    #[arg(long, value_name = "RESULT.CSV")]
+    /// Where the result goes [default: standard output, as CSV]
+    #[arg(long, value_name = "RESULT")]
     out: Option<PathBuf>,
 }
 
 fn main() -> ExitCode {
     messages::collect();
+    guard::quiet();
     match run(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("replay: {error}");
+            eprintln!("replay: {}", error.to_string().replace(['\n', '\r'], " "));
             ExitCode::from(2)
         }
     }
 }
 
-fn run(arguments: &Arguments) -> Result<(), String> {
-    let map = arguments.columns.as_deref().map(ColumnMap::read).transpose().map_err(|error| error.to_string())?;
-    let log = log_file::read(&arguments.log, map.as_ref())?;
-    let result = master::run(&arguments.model, &log, &arguments.settings)?;
-    match &arguments.out {
-        Some(path) => log_file::write_whole(path, &result),
-        None => log_file::write(std::io::stdout().lock(), &result).map_err(|error| error.to_string()),
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    if let Some(path) = &arguments.out {
+        Outputs::check(path)?;
     }
+    let progress = Progress::terminal();
+    let map = arguments.columns.as_deref().map(ColumnMap::read).transpose()?;
+    // An infinite sample is for the FMU to judge.
+    let log = Log::read_verbatim(&arguments.log, map.as_ref(), &progress)?;
+    let result = master::run(&arguments.model, &log, &arguments.settings, &progress)?;
+    let Some(path) = &arguments.out else {
+        return Ok(result.write_csv(std::io::stdout().lock())?);
+    };
+    let mut outputs = Outputs::new();
+    outputs.file(path, |file| result.write(path, file))?;
+    Ok(outputs.commit()?)
 }

@@ -1,6 +1,5 @@
 //! The co-simulation master: one instance, one step per row of the log.
 
-use crate::log_file::{LogFile, Table};
 use crate::messages::reason;
 use fmi::fmi2::import::Fmi2Import;
 use fmi::fmi2::instance::{CoSimulation, Common, InstanceCS};
@@ -9,6 +8,11 @@ use fmi::traits::FmiImport;
 use std::path::Path;
 use wheelstate::variable::Kind;
 use wheelstate_fmu::model::{Model, models};
+use wheelstate_log::progress::Progress;
+use wheelstate_log::{Channel, Log};
+
+/// Rows between two looks at the progress bar.
+const STRIDE: usize = 1000;
 
 #[derive(Clone, Copy, PartialEq)]
 enum Class {
@@ -26,8 +30,8 @@ struct Entry {
     start: f64,
 }
 
-/// Runs the FMU over the log and gives its outputs.
-pub fn run(path: &Path, log: &LogFile, settings: &[String]) -> Result<Table, String> {
+/// Runs the FMU over the log and gives its outputs at the start and at the end of every row.
+pub fn run(path: &Path, log: &Log, settings: &[String], progress: &Progress) -> Result<Log, String> {
     let shown = path.display();
     let fmu: Fmi2Import = fmi::import::from_path(path).map_err(|error| format!("{shown}: {error}"))?;
     let entries = entries(&fmu);
@@ -43,7 +47,7 @@ pub fn run(path: &Path, log: &LogFile, settings: &[String]) -> Result<Table, Str
         set(&mut instance, entry, value).map_err(|why| format!("--set {text}: {why}"))?;
     }
     if let Some(entry) = entries.iter().find(|entry| entry.name == "sample_period").filter(|_| !period_given) {
-        let (own, rows) = (entry.start, log.period());
+        let (own, rows) = (entry.start, period(log));
         if rows > 1.01 * own {
             // round off what writing the times left behind
             let rows = (rows * 1e9).round() / 1e9;
@@ -62,18 +66,35 @@ pub fn run(path: &Path, log: &LogFile, settings: &[String]) -> Result<Table, Str
     instance.exit_initialization_mode().map_err(|error| refused("initialisation", error))?;
 
     let outputs: Vec<_> = entries.iter().filter(|entry| entry.causality == Causality::Output).collect();
-    let mut names = vec!["time".to_owned()];
-    names.extend(outputs.iter().map(|entry| entry.name.clone()));
-    let mut table = Table { values: Vec::with_capacity((log.time.len() + 1) * names.len()), names };
-    record(&mut instance, &outputs, start, &mut table.values)?;
+    let channel = |entry: &&Entry| Channel { name: entry.name.clone(), values: Vec::with_capacity(log.len() + 1) };
+    let mut result = Log { channels: outputs.iter().map(channel).collect(), ..Log::default() };
+    record(&mut instance, &outputs, start, &mut result)?;
+    progress.start("running the FMU", log.len() as u64);
+    let last = period(log);
     for (row, &time) in log.time.iter().enumerate() {
         apply(&mut instance, &inputs, log, row)?;
-        let end = log.time.get(row + 1).copied().unwrap_or(time + log.period());
-        instance.do_step(time, end - time, true).map_err(|error| format!("{}: {}", log.place(row), reason(error)))?;
-        record(&mut instance, &outputs, end, &mut table.values)?;
+        let end = log.time.get(row + 1).copied().unwrap_or(time + last);
+        instance.do_step(time, end - time, true).map_err(|error| format!("{}: {}", place(log, row), reason(error)))?;
+        record(&mut instance, &outputs, end, &mut result)?;
+        if row % STRIDE == STRIDE - 1 {
+            progress.advance(STRIDE as u64);
+        }
     }
+    progress.finish();
     instance.terminate().map_err(|error| refused("end", error))?;
-    Ok(table)
+    Ok(result)
+}
+
+/// The median time between two rows, s.
+fn period(log: &Log) -> f64 {
+    let mut gaps: Vec<_> = log.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    gaps.sort_by(f64::total_cmp);
+    gaps[gaps.len() / 2]
+}
+
+/// The place of a row, for messages.
+fn place(log: &Log, row: usize) -> String {
+    format!("{}: sample {} at {} s", log.source, row + 1, log.time[row])
 }
 
 fn entries(fmu: &Fmi2Import) -> Vec<Entry> {
@@ -97,10 +118,10 @@ fn entries(fmu: &Fmi2Import) -> Vec<Entry> {
 }
 
 /// The input variables with the columns of the log that they are read from.
-fn inputs<'a>(entries: &'a [Entry], log: &LogFile) -> Vec<(&'a Entry, usize)> {
+fn inputs<'a>(entries: &'a [Entry], log: &Log) -> Vec<(&'a Entry, usize)> {
     let (mut found, mut absent) = (Vec::new(), Vec::new());
     for entry in entries.iter().filter(|entry| entry.causality == Causality::Input) {
-        match log.columns.iter().position(|(name, _)| *name == entry.name) {
+        match log.channels.iter().position(|channel| channel.name == entry.name) {
             Some(column) => found.push((entry, column)),
             None => absent.push(entry.name.as_str()),
         }
@@ -149,24 +170,24 @@ fn set(instance: &mut InstanceCS, entry: &Entry, value: f64) -> Result<(), Strin
     result.map(drop).map_err(reason)
 }
 
-fn apply(instance: &mut InstanceCS, inputs: &[(&Entry, usize)], log: &LogFile, row: usize) -> Result<(), String> {
+fn apply(instance: &mut InstanceCS, inputs: &[(&Entry, usize)], log: &Log, row: usize) -> Result<(), String> {
     for (entry, column) in inputs {
-        set(instance, entry, log.columns[*column].1[row]).map_err(|why| format!("{}: {why}", log.place(row)))?;
+        set(instance, entry, log.channels[*column].values[row]).map_err(|why| format!("{}: {why}", place(log, row)))?;
     }
     Ok(())
 }
 
-fn record(instance: &mut InstanceCS, outputs: &[&Entry], time: f64, values: &mut Vec<f64>) -> Result<(), String> {
-    values.push(time);
-    for entry in outputs {
+fn record(instance: &mut InstanceCS, outputs: &[&Entry], time: f64, result: &mut Log) -> Result<(), String> {
+    result.time.push(time);
+    for (entry, channel) in outputs.iter().zip(&mut result.channels) {
         let (mut real, mut whole) = ([0.0], [0]);
-        let result = match entry.class {
+        let got = match entry.class {
             Class::Real => instance.get_real(&[entry.reference], &mut real),
             Class::Whole => instance.get_integer(&[entry.reference], &mut whole),
             Class::Boolean => instance.get_boolean(&[entry.reference], &mut whole),
         };
-        result.map_err(|error| format!("{}: {}", entry.name, reason(error)))?;
-        values.push(if entry.class == Class::Real { real[0] } else { f64::from(whole[0]) });
+        got.map_err(|error| format!("{}: {}", entry.name, reason(error)))?;
+        channel.values.push(if entry.class == Class::Real { real[0] } else { f64::from(whole[0]) });
     }
     Ok(())
 }

@@ -13,9 +13,6 @@
 //! holds or cannot be evaluated because a column that it names has no sample there; a `missing_if`
 //! of its own line applies to all mapped channels. Times have no `missing_if`. Columns that no
 //! channel is read from keep their own names.
-//!
-//! This folder needs the standard library, `toml`, `exmex` and `thiserror` only, so that other
-//! programs can include it as it stands.
 
 mod expression;
 pub(crate) mod unit;

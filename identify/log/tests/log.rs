@@ -4,8 +4,8 @@
 use proptest::prelude::*;
 use std::fs::File;
 use tempfile::TempDir;
-use wheelstate_identify::log::{Channel, ColumnMap, Log};
-use wheelstate_identify::progress::Progress;
+use wheelstate_log::progress::Progress;
+use wheelstate_log::{Channel, ColumnMap, Log};
 
 fn csv(text: &str) -> Result<Log, String> {
     Log::from_csv("log.csv", text.as_bytes(), None).map_err(|e| e.to_string())

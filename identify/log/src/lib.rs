@@ -1,4 +1,5 @@
-//! Recorded or simulated logs: uniform in memory whatever file they came from.
+//! Recorded or simulated logs: uniform in memory whatever file they came from; and what programs that
+//! read and write them share: [`progress`] of long work and [`output`] files that appear whole.
 //!
 //! [`Log::read`] takes CSV, Parquet and MDF4 by file ending, applies a column map and checks what
 //! every later step relies on: finite, strictly increasing times and at least two samples.
@@ -6,10 +7,13 @@
 pub mod columns;
 mod csv;
 mod error;
+pub mod guard;
 #[cfg(feature = "mf4")]
 mod mf4;
+pub mod output;
 #[cfg(feature = "parquet")]
 mod parquet;
+pub mod progress;
 mod sampling;
 mod table;
 
@@ -17,7 +21,6 @@ pub use columns::ColumnMap;
 pub use error::LogError;
 
 use crate::progress::Progress;
-use crate::report::LogEntry;
 use std::path::Path;
 
 /// A log: one time base and named channels of the same length.
@@ -92,17 +95,20 @@ impl Log {
         self.channels.push(Channel { name: name.to_owned(), values });
     }
 
-    /// The entry of this log in `fit.json`.
-    pub fn entry(&self) -> LogEntry {
-        LogEntry { file: self.source.clone(), sha256: self.sha256.clone(), samples: self.len() }
-    }
-
     /// Reads a log; the file's ending tells its format.
     ///
     /// Without a column map the file has a column `time` in s, and every column must be numeric.
     /// With one, the mapped channels come first and columns that the map does not use follow under
     /// their own names, as far as they are numeric.
+    /// Infinite samples become missing ones.
     pub fn read(path: &Path, map: Option<&ColumnMap>, progress: &Progress) -> Result<Self, LogError> {
+        let mut log = Self::read_verbatim(path, map, progress)?;
+        log.drop_infinite();
+        Ok(log)
+    }
+
+    /// As [`read`](Self::read), with infinite samples as they are: for a program that hands them on.
+    pub fn read_verbatim(path: &Path, map: Option<&ColumnMap>, progress: &Progress) -> Result<Self, LogError> {
         let table = match Format::of(path)? {
             Format::Csv => csv::read(path, map, progress)?,
             #[cfg(feature = "parquet")]
@@ -119,7 +125,19 @@ impl Log {
 
     /// Reads a log in CSV from any bytes; `name` is named in errors.
     pub fn from_csv(name: &str, from: impl std::io::Read, map: Option<&ColumnMap>) -> Result<Self, LogError> {
-        csv::parse(name, from, map, &Progress::none())?.into_log(map)
+        let mut log = csv::parse(name, from, map, &Progress::none())?.into_log(map)?;
+        log.drop_infinite();
+        Ok(log)
+    }
+
+    fn drop_infinite(&mut self) {
+        let values = self.channels.iter_mut().flat_map(|channel| &mut channel.values);
+        values.filter(|value| value.is_infinite()).for_each(|value| *value = f64::NAN);
+    }
+
+    /// Writes a log in CSV to anything; every number reads back as the same bits.
+    pub fn write_csv(&self, to: impl std::io::Write) -> std::io::Result<()> {
+        csv::write(self, to)
     }
 
     /// Writes a log whose format is told by `path`; the bytes go to `to`, full precision.

@@ -145,10 +145,13 @@ pub(super) fn write(log: &Log, to: impl Write) -> io::Result<()> {
         write!(to, "{time:?}")?;
         for channel in &log.channels {
             let value = channel.values[sample];
-            // Shortest decimal that reads back as the same number.
             if value.is_nan() {
                 write!(to, ",nan")?
+            } else if value.fract() == 0.0 && value.abs() < 1e15 {
+                // Without a point, as flags and counters are read.
+                write!(to, ",{value:.0}")?
             } else {
+                // Shortest decimal that reads back as the same number.
                 write!(to, ",{value:?}")?
             };
         }

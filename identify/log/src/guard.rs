@@ -16,7 +16,7 @@ pub(crate) fn guarded<T>(call: impl FnOnce() -> T) -> Option<T> {
 }
 
 /// Keeps the messages of panics that are caught off stderr; for programs, called once at the start.
-pub(crate) fn quiet() {
+pub fn quiet() {
     let loud = panic::take_hook();
     panic::set_hook(Box::new(move |info| {
         if !GUARDED.get() {

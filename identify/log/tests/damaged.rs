@@ -3,8 +3,8 @@
 
 use std::fs::File;
 use tempfile::TempDir;
-use wheelstate_identify::log::Log;
-use wheelstate_identify::progress::Progress;
+use wheelstate_log::Log;
+use wheelstate_log::progress::Progress;
 
 #[test]
 fn damaged_parquet_and_mf4_files_never_panic() {

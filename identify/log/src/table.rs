@@ -56,11 +56,7 @@ impl Table {
         if time.len() == 1 {
             return Err(LogError::file(&file, "only 1 sample; at least 2 are needed"));
         }
-        let channels = channels.into_iter().map(|(name, mut values)| {
-            // Infinite samples are missing samples.
-            values.iter_mut().filter(|value| value.is_infinite()).for_each(|value| *value = f64::NAN);
-            Channel { name, values }
-        });
+        let channels = channels.into_iter().map(|(name, values)| Channel { name, values });
         Ok(Log { source: file, sha256, time, channels: channels.collect() })
     }
 }
