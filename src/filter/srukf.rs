@@ -19,7 +19,7 @@
 //! of the innovation's covariance, which [`crate::filter::square_root`] takes from the whole factor;
 //! eq. 27 stands for two triangular solves.
 
-use super::square_root::{absorb, product};
+use super::square_root::{absorb, absorb_leading};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
@@ -38,9 +38,13 @@ impl<const N: usize> Gaussian<N> {
         Self { mean, factor: SMatrix::from_diagonal(std) }
     }
 
-    /// Whether mean and factor are finite.
+    /// Whether mean and factor are finite: 0 times anything else is not 0.
     pub fn is_finite(&self) -> bool {
-        self.mean.iter().chain(self.factor.iter()).all(|value| value.is_finite())
+        let mut sum = self.mean * 0.0;
+        for column in self.factor.column_iter() {
+            sum += column * 0.0;
+        }
+        sum.sum() == 0.0
     }
 }
 
@@ -80,43 +84,80 @@ impl Spread {
         Ok(Self { gamma: square.sqrt(), weight: 0.5 / square, surplus })
     }
 
-    /// Time update through `phi`, then independent process noise of standard deviation `q`.
-    pub fn predict<const N: usize>(
+    /// Time update of `M` states that move and `K` that only walk at random, `N = M + K`, with process
+    /// noise of standard deviation `q`.
+    ///
+    /// `centre` is where the mean moves to; `pair(offset)` gives where `mean + offset` and
+    /// `mean - offset` move to. Offset `j` is column `j` of the factor times the spread: its first `j`
+    /// elements are zero.
+    ///
+    /// Opposite points enter as half their difference and half their sum. States that do not move
+    /// have no sum, so that half of the points only widen the moving states' own block.
+    pub fn predict<const N: usize, const M: usize, const K: usize>(
         &self,
         prior: &Gaussian<N>,
         q: &SVector<f64, N>,
-        mut phi: impl FnMut(&SVector<f64, N>) -> SVector<f64, N>,
+        centre: &SVector<f64, M>,
+        mut pair: impl FnMut(&SVector<f64, N>) -> [SVector<f64, M>; 2],
     ) -> Gaussian<N> {
-        let centre = phi(&prior.mean);
-        let (mut plus, mut minus) = (SMatrix::<f64, N, N>::zeros(), SMatrix::<f64, N, N>::zeros());
-        let mut sum = SVector::<f64, N>::zeros();
-        for i in 0..N {
-            let offset = prior.factor.column(i) * self.gamma;
-            let up = phi(&(prior.mean + offset)) - centre;
-            let down = phi(&(prior.mean - offset)) - centre;
+        let (mut moved, mut bent) = (SMatrix::<f64, M, N>::zeros(), SMatrix::<f64, M, N>::zeros());
+        let mut sum = SVector::<f64, M>::zeros();
+        let half = 0.5 / self.gamma;
+        for j in 0..N {
+            let [up, down] = pair(&(prior.factor.column(j) * self.gamma));
+            let (up, down) = (up - centre, down - centre);
             sum += up + down;
-            plus.set_column(i, &up);
-            minus.set_column(i, &down);
+            moved.set_column(j, &((up - down) * half));
+            bent.set_column(j, &((up + down) * half));
         }
         let drift = sum * self.weight;
-        let root = self.weight.sqrt();
-        let mut factor = SMatrix::from_diagonal(q);
-        absorb(&mut factor, plus * root);
-        absorb(&mut factor, minus * root);
-        absorb(&mut factor, drift * self.surplus.sqrt());
-        Gaussian { mean: centre + drift, factor }
+        let mut noise = SMatrix::<f64, M, M>::from_diagonal(&q.fixed_rows::<M>(0).into_owned());
+        absorb(&mut noise, bent);
+        absorb(&mut noise, drift * self.surplus.sqrt());
+        let mut mean = prior.mean;
+        mean.fixed_rows_mut::<M>(0).copy_from(&(centre + drift));
+        Gaussian { mean, factor: predicted_factor::<N, M, K>(noise, &moved, &prior.factor, q) }
     }
 }
 
-/// Time update of the extended Kalman filter in square-root form: the mean is already carried
-/// forward, `F` is the map's Jacobian and `q` the standard deviations of the process noise.
-pub fn predict_linearised<const N: usize>(
+/// Time update of the extended Kalman filter in square-root form for `M` states that move and `K` that
+/// only walk at random, `N = M + K`: the mean is already carried forward, `F` holds the moving states'
+/// rows of the map's Jacobian and `q` the standard deviations of the process noise.
+pub fn predict_linearised<const N: usize, const M: usize, const K: usize>(
     mean: SVector<f64, N>,
-    f: &SMatrix<f64, N, N>,
+    f: &SMatrix<f64, M, N>,
     prior: &SMatrix<f64, N, N>,
     q: &SVector<f64, N>,
 ) -> Gaussian<N> {
-    let mut factor = SMatrix::from_diagonal(q);
-    absorb(&mut factor, product(f, prior));
-    Gaussian { mean, factor }
+    let mut moved = SMatrix::<f64, M, N>::zeros();
+    for j in 0..N {
+        for k in j..N {
+            for i in 0..M {
+                moved[(i, j)] += f[(i, k)] * prior[(k, j)];
+            }
+        }
+    }
+    let noise = SMatrix::from_diagonal(&q.fixed_rows::<M>(0).into_owned());
+    Gaussian { mean, factor: predicted_factor::<N, M, K>(noise, &moved, prior, q) }
+}
+
+/// The factor whose first `M` rows have become `moved` and `noise`, and whose others have walked.
+fn predicted_factor<const N: usize, const M: usize, const K: usize>(
+    noise: SMatrix<f64, M, M>,
+    moved: &SMatrix<f64, M, N>,
+    prior: &SMatrix<f64, N, N>,
+    q: &SVector<f64, N>,
+) -> SMatrix<f64, N, N> {
+    const { assert!(N == M + K) }
+    let mut block = *prior;
+    block.fixed_rows_mut::<M>(0).copy_from(moved);
+    let mut leading = SMatrix::<f64, N, M>::zeros();
+    leading.fixed_rows_mut::<M>(0).copy_from(&noise);
+    absorb_leading(&mut leading, &mut block);
+    let mut rest = SMatrix::<f64, K, K>::from_diagonal(&q.fixed_rows::<K>(M).into_owned());
+    absorb(&mut rest, block.fixed_rows::<K>(M).into_owned());
+    let mut factor = SMatrix::<f64, N, N>::zeros();
+    factor.fixed_columns_mut::<M>(0).copy_from(&leading);
+    factor.fixed_view_mut::<K, K>(M, M).copy_from(&rest);
+    factor
 }

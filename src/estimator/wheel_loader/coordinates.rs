@@ -22,19 +22,13 @@ impl Map {
     pub fn new(coordinates: Coordinates, start: &Start) -> Self {
         let direct = coordinates == Coordinates::Direct;
         let logit = Self { direct: false, unit: Vector3::repeat(1.0) };
-        let slope = logit.slope(&logit.coordinates(&unknowns(start)));
+        let slope = logit.slope(&unknowns(start));
         Self { direct, unit: if direct { slope } else { logit.unit } }
     }
 
     /// The unknowns at `theta`.
     pub fn unknowns(&self, theta: &Vector3<f64>) -> Unknowns {
-        Vector3::from_fn(|i, _| {
-            if self.direct {
-                theta[i].clamp(LOW[i], HIGH[i])
-            } else {
-                LOW[i] + (HIGH[i] - LOW[i]) / (1.0 + (-theta[i]).exp())
-            }
-        })
+        self.centre(theta).unknowns
     }
 
     /// `theta` of the unknowns, which lie inside the limits.
@@ -45,19 +39,24 @@ impl Map {
         Vector3::from_fn(|i, _| ((unknowns[i] - LOW[i]) / (HIGH[i] - unknowns[i])).ln())
     }
 
-    /// `d p / d theta`, the factor from standard deviations of `theta` to those of the unknowns.
-    pub fn slope(&self, theta: &Vector3<f64>) -> Vector3<f64> {
-        Vector3::from_fn(|i, _| self.slope_of(i, theta[i]))
+    /// The unknowns at `theta` and a way to those nearby.
+    pub fn centre(&self, theta: &Vector3<f64>) -> Centre {
+        let e = if self.direct { Vector3::zeros() } else { theta.map(|theta| (-theta).exp()) };
+        let unknowns = Vector3::from_fn(|i, _| {
+            if self.direct { theta[i].clamp(LOW[i], HIGH[i]) } else { LOW[i] + (HIGH[i] - LOW[i]) / (1.0 + e[i]) }
+        });
+        Centre { direct: self.direct, theta: *theta, e, unknowns }
+    }
+
+    /// `d p / d theta` at these unknowns, the factor from standard deviations of `theta` to those of
+    /// the unknowns.
+    pub fn slope(&self, unknowns: &Unknowns) -> Vector3<f64> {
+        Vector3::from_fn(|i, _| self.slope_of(i, unknowns[i]))
     }
 
     /// The slope of one unknown.
-    pub fn slope_of(&self, i: usize, theta: f64) -> f64 {
-        if self.direct {
-            return 1.0;
-        }
-        let e = (-theta).exp();
-        let slope = (HIGH[i] - LOW[i]) * e / ((1.0 + e) * (1.0 + e));
-        if slope.is_finite() { slope } else { 0.0 }
+    pub fn slope_of(&self, i: usize, unknown: f64) -> f64 {
+        if self.direct { 1.0 } else { (unknown - LOW[i]) * (HIGH[i] - unknown) / (HIGH[i] - LOW[i]) }
     }
 
     /// Puts direct coordinates back into their limits.
@@ -78,6 +77,41 @@ impl Map {
             let share = (unknowns[i] - LOW[i]) / (HIGH[i] - LOW[i]);
             !(0.01..=0.99).contains(&share)
         })
+    }
+}
+
+/// The unknowns at one `theta`, for many others around it.
+#[derive(Clone, Copy, Debug)]
+pub struct Centre {
+    direct: bool,
+    theta: Vector3<f64>,
+    /// `exp(-theta)`
+    e: Vector3<f64>,
+    /// The unknowns.
+    pub unknowns: Unknowns,
+}
+
+impl Centre {
+    /// The unknowns at `theta + offset` and at `theta - offset`: two opposite logits share one
+    /// exponential, and an offset of 0 needs none.
+    pub fn pair(&self, offset: &Vector3<f64>) -> [Unknowns; 2] {
+        let mut pair = [self.unknowns; 2];
+        for i in 0..3 {
+            if offset[i] == 0.0 {
+                continue;
+            }
+            let (low, range) = (LOW[i], HIGH[i] - LOW[i]);
+            if self.direct {
+                pair[0][i] = (self.theta[i] + offset[i]).clamp(low, HIGH[i]);
+                pair[1][i] = (self.theta[i] - offset[i]).clamp(low, HIGH[i]);
+            } else {
+                // Bounded so that neither the exponential nor its reciprocal leaves the numbers.
+                let a = (-offset[i]).clamp(-300.0, 300.0).exp();
+                pair[0][i] = low + range / (1.0 + self.e[i] * a);
+                pair[1][i] = low + range * a / (a + self.e[i]);
+            }
+        }
+        pair
     }
 }
 

@@ -6,7 +6,7 @@ use super::parameters::{Adaptation, Form, Kind, Parameters, Radii};
 use super::supervision::{Fading, SlipLimits, Supervision};
 use crate::filter::square_root::{absorb_diagonal, andrews, array, joseph, std_of, tria};
 use crate::filter::srukf::{Gaussian, Spread, SpreadError, predict_linearised};
-use crate::model::wheel_loader::{Drive, Loader, Motion, Unknowns};
+use crate::model::wheel_loader::{Drive, Driven, Loader, Motion, Unknowns};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// States of the belief as it is stored; without radii the last two are 0.
@@ -67,7 +67,7 @@ impl Engine {
         let radii = filter.radii == Radii::Estimated;
         let map = Map::new(filter.parameters, &p.start);
         let theta = map.coordinates(&unknowns(&p.start));
-        let slope = map.slope(&theta);
+        let slope = map.slope(&unknowns(&p.start));
         let walk = &filter.process_std;
         let (low, high, first) = (&filter.minimum_std, &filter.maximum_std, &filter.start_std);
         let radius_walk = if radii { filter.process_std.wheel_radius } else { 0.0 };
@@ -143,12 +143,15 @@ impl Engine {
         self.map.unknowns(&mean.fixed_rows::<3>(3).into_owned())
     }
 
+    /// The rolling radii with their relative errors.
+    fn radius(&self, errors: [f64; 2]) -> [f64; 2] {
+        let given = self.loader.wheel_radius;
+        [given[0] * (1.0 + errors[0]), given[1] * (1.0 + errors[1])]
+    }
+
     /// The machine with the radii of a belief.
     pub fn corrected(&self, radius_errors: [f64; 2]) -> Loader {
-        let mut loader = self.loader;
-        loader.wheel_radius[0] *= 1.0 + radius_errors[0];
-        loader.wheel_radius[1] *= 1.0 + radius_errors[1];
-        loader
+        Loader { wheel_radius: self.radius(radius_errors), ..self.loader }
     }
 
     /// Sets the motion from the first measurement; a missing wheel speed follows from the speed and
@@ -180,20 +183,20 @@ impl Engine {
         supervision: &mut Supervision,
     ) -> (Belief, Outcome) {
         if self.radii {
-            return self.sample_states::<STATES>(belief, drive, y, dt, supervision);
+            return self.sample_states::<STATES, 5>(belief, drive, y, dt, supervision);
         }
         let short = Gaussian {
             mean: belief.mean.fixed_rows::<6>(0).into_owned(),
             factor: belief.factor.fixed_view::<6, 6>(0, 0).into_owned(),
         };
-        let (short, outcome) = self.sample_states::<6>(&short, drive, y, dt, supervision);
+        let (short, outcome) = self.sample_states::<6, 3>(&short, drive, y, dt, supervision);
         let mut belief = *belief;
         belief.mean.fixed_rows_mut::<6>(0).copy_from(&short.mean);
         belief.factor.fixed_view_mut::<6, 6>(0, 0).copy_from(&short.factor);
         (belief, outcome)
     }
 
-    fn sample_states<const N: usize>(
+    fn sample_states<const N: usize, const K: usize>(
         &self,
         prior: &Gaussian<N>,
         drive: &Drive,
@@ -202,7 +205,7 @@ impl Engine {
         supervision: &mut Supervision,
     ) -> (Gaussian<N>, Outcome) {
         let held = supervision.held;
-        let predicted = if held { self.hold(prior, dt) } else { self.predict(prior, drive, dt) };
+        let predicted = if held { self.hold(prior, dt) } else { self.predict::<N, K>(prior, drive, dt) };
 
         // Channels: missing ones carry no information, far ones are rejected for a while.
         let mut nu = Vector3::zeros();
@@ -312,7 +315,7 @@ impl Engine {
         predicted
     }
 
-    fn predict<const N: usize>(&self, prior: &Gaussian<N>, drive: &Drive, dt: f64) -> Gaussian<N> {
+    fn predict<const N: usize, const K: usize>(&self, prior: &Gaussian<N>, drive: &Drive, dt: f64) -> Gaussian<N> {
         let scale = (dt / WALK_TIME).sqrt();
         let mut q = SVector::<f64, N>::from_fn(|i, _| self.process[i] * scale);
         if self.supervise {
@@ -324,35 +327,42 @@ impl Engine {
             }
         }
         let substeps = self.substeps.max((dt / LONGEST_STEP - 1e-9).ceil() as u32);
-        let theta = |z: &SVector<f64, N>| Vector3::new(z[3], z[4], z[5]);
-        let loader = |z: &SVector<f64, N>| if N > 6 { self.corrected([z[6], z[7]]) } else { self.loader };
+        let mean = &prior.mean;
+        let errors = |z: &SVector<f64, N>| if N > 6 { [z[6], z[7]] } else { [0.0; 2] };
+        let motion = Motion::new(mean[0], mean[1], mean[2]);
+        let unknowns = self.map.centre(&Vector3::new(mean[3], mean[4], mean[5]));
+        let (driven, radii) = (Driven::new(&self.loader, drive), errors(mean));
+        let advance = |motion: &Motion, unknowns: &Unknowns, radii: [f64; 2]| {
+            driven.advance(self.radius(radii), motion, unknowns, dt, substeps)
+        };
         match self.kind {
-            Kind::SquareRootUnscented => self.spread.predict(prior, &q, |z| {
-                let motion = Motion::new(z[0], z[1], z[2]);
-                let moved = loader(z).advance(&motion, &self.map.unknowns(&theta(z)), drive, dt, substeps);
-                let mut z = *z;
-                z.fixed_rows_mut::<3>(0).copy_from(&moved);
-                z
-            }),
+            Kind::SquareRootUnscented => {
+                let centre = advance(&motion, &unknowns.unknowns, radii);
+                self.spread.predict::<N, 3, K>(prior, &q, &centre, |offset| {
+                    let step = Motion::new(offset[0], offset[1], offset[2]);
+                    let [up, down] = unknowns.pair(&Vector3::new(offset[3], offset[4], offset[5]));
+                    let [front, rear] = errors(offset);
+                    [
+                        advance(&(motion + step), &up, [radii[0] + front, radii[1] + rear]),
+                        advance(&(motion - step), &down, [radii[0] - front, radii[1] - rear]),
+                    ]
+                })
+            }
             Kind::Extended => {
-                let mut mean = prior.mean;
-                let motion = Motion::new(mean[0], mean[1], mean[2]);
-                let slope = self.map.slope(&theta(&mean));
-                let unknowns = self.map.unknowns(&theta(&mean));
-                let (moved, j) = loader(&mean).advance_linearised(&motion, &unknowns, drive, dt, substeps);
-                let mut f = SMatrix::<f64, N, N>::identity();
+                let (moved, mut f) =
+                    driven.advance_linearised::<N>(self.radius(radii), &motion, &unknowns.unknowns, dt, substeps);
+                let slope = self.map.slope(&unknowns.unknowns);
                 for row in 0..3 {
-                    for k in 0..3 {
-                        f[(row, k)] = j.motion[(row, k)];
-                        f[(row, 3 + k)] = j.unknowns[(row, k)] * slope[k];
+                    for k in 3..6 {
+                        f[(row, k)] *= slope[k - 3];
                     }
-                    if N > 6 {
-                        f[(row, 6)] = j.radii[(row, 0)] / (1.0 + mean[6]);
-                        f[(row, 7)] = j.radii[(row, 1)] / (1.0 + mean[7]);
+                    for k in 6..N {
+                        f[(row, k)] /= 1.0 + mean[k];
                     }
                 }
+                let mut mean = *mean;
                 mean.fixed_rows_mut::<3>(0).copy_from(&moved);
-                predict_linearised(mean, &f, &prior.factor, &q)
+                predict_linearised::<N, 3, K>(mean, &f, &prior.factor, &q)
             }
         }
     }

@@ -32,8 +32,8 @@ impl WheelLoader {
     }
 
     fn height_observable(&self) -> bool {
-        let slope = self.engine.map.slope_of(1, self.state.belief.mean[4]);
-        slope * std_of(&self.state.belief.factor, 4) < 0.5 * self.engine.start_height_std
+        let height = self.engine.unknowns(&self.state.belief.mean)[1];
+        self.engine.map.slope_of(1, height) * std_of(&self.state.belief.factor, 4) < 0.5 * self.engine.start_height_std
     }
 
     /// Fills the outputs, the motion carried `ahead` seconds forward with `inputs` held.
@@ -84,7 +84,7 @@ impl WheelLoader {
 }
 
 fn unknown_std(engine: &Engine, belief: &Gaussian<STATES>) -> Vector3<f64> {
-    let slope = engine.map.slope(&belief.mean.fixed_rows::<3>(3).into_owned());
+    let slope = engine.map.slope(&engine.unknowns(&belief.mean));
     Vector3::from_fn(|i, _| slope[i] * std_of(&belief.factor, 3 + i))
 }
 
@@ -116,7 +116,7 @@ fn load_ratio(
         point.load[0]
     };
     let front = if point.lift && !standing { point.load[0] } else { front };
-    let slope = engine.map.slope(&belief.mean.fixed_rows::<3>(3).into_owned());
+    let slope = engine.map.slope(unknowns);
     for i in 0..3 {
         gradient[3 + i] *= slope[i];
     }

@@ -109,7 +109,7 @@ impl Supervision {
         let reasons = Reasons {
             standstill: speed < threshold,
             spin: (0..2)
-                .any(|i| slip(seen(0), seen(i + 1), loader.wheel_radius[i], loader.slip_speed).0.abs() > hold.slip),
+                .any(|i| slip(seen(0), seen(i + 1), loader.wheel_radius[i], loader.slip_speed).abs() > hold.slip),
             lost: self.lost > limit || self.stale > limit,
         };
         let unfit = reasons.standstill || reasons.spin || reasons.lost;
@@ -171,7 +171,7 @@ impl SlipEvidence {
                 self.demand *= forget;
             }
             let demand = force / (weight * if i == 0 { limits.ratio } else { 1.0 - limits.ratio });
-            let (sigma, ..) = slip(y[0], y[i + 1], loader.wheel_radius[i], loader.slip_speed);
+            let sigma = slip(y[0], y[i + 1], loader.wheel_radius[i], loader.slip_speed);
             self.samples += 1.0;
             self.slip_demand += sigma * demand;
             self.demand_demand += demand * demand;
