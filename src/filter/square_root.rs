@@ -19,8 +19,8 @@ use nalgebra::{SMatrix, SVector};
 pub fn tria<const N: usize, const M: usize>(mut a: SMatrix<f64, N, M>) -> SMatrix<f64, N, N> {
     lower(&mut a);
     let mut factor = SMatrix::<f64, N, N>::zeros();
-    for j in 0..N.min(M) {
-        factor.set_column(j, &a.column(j));
+    for (to, from) in factor.data.0.iter_mut().zip(&a.data.0) {
+        *to = *from;
     }
     factor
 }
@@ -277,6 +277,31 @@ pub fn product<const R: usize, const K: usize, const C: usize>(
     product
 }
 
+/// The block of `A` that begins at `(row, column)`, copied with loops that unroll.
+pub fn block<const N: usize, const M: usize, const R: usize, const C: usize>(
+    a: &SMatrix<f64, N, M>,
+    row: usize,
+    column: usize,
+) -> SMatrix<f64, R, C> {
+    let mut block = SMatrix::<f64, R, C>::zeros();
+    for (to, from) in block.data.0.iter_mut().zip(&a.data.0[column..]) {
+        to.copy_from_slice(&from[row..row + R]);
+    }
+    block
+}
+
+/// Puts a block into `A` at `(row, column)`.
+pub fn set_block<const N: usize, const M: usize, const R: usize, const C: usize>(
+    a: &mut SMatrix<f64, N, M>,
+    row: usize,
+    column: usize,
+    block: &SMatrix<f64, R, C>,
+) {
+    for (to, from) in a.data.0[column..].iter_mut().zip(&block.data.0) {
+        to[row..row + R].copy_from_slice(from);
+    }
+}
+
 /// `L^-1 b` for a lower triangular `L`. A zero pivot gives 0: that direction has no variance.
 pub fn forward<const N: usize>(l: &SMatrix<f64, N, N>, b: &SVector<f64, N>) -> SVector<f64, N> {
     forward_columns(l, b)
@@ -297,6 +322,17 @@ fn forward_columns<const N: usize, const M: usize>(
         }
     }
     x
+}
+
+/// Variances of all states.
+pub fn variances<const N: usize>(factor: &SMatrix<f64, N, N>) -> SVector<f64, N> {
+    let mut sum = SVector::<f64, N>::zeros();
+    for column in &factor.data.0 {
+        for i in 0..N {
+            sum[i] += column[i] * column[i];
+        }
+    }
+    sum
 }
 
 /// Standard deviation of state `i`: the length of row `i` of its factor.

@@ -19,7 +19,7 @@
 //! of the innovation's covariance, which [`crate::filter::square_root`] takes from the whole factor;
 //! eq. 27 stands for two triangular solves.
 
-use super::square_root::{absorb, absorb_leading};
+use super::square_root::{absorb, absorb_leading, block, set_block};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
@@ -111,11 +111,11 @@ impl Spread {
             bent.set_column(j, &((up + down) * half));
         }
         let drift = sum * self.weight;
-        let mut noise = SMatrix::<f64, M, M>::from_diagonal(&q.fixed_rows::<M>(0).into_owned());
+        let mut noise = SMatrix::<f64, M, M>::from_diagonal(&block(q, 0, 0));
         absorb(&mut noise, bent);
         absorb(&mut noise, drift * self.surplus.sqrt());
         let mut mean = prior.mean;
-        mean.fixed_rows_mut::<M>(0).copy_from(&(centre + drift));
+        set_block(&mut mean, 0, 0, &(centre + drift));
         Gaussian { mean, factor: predicted_factor::<N, M, K>(noise, &moved, &prior.factor, q) }
     }
 }
@@ -137,7 +137,7 @@ pub fn predict_linearised<const N: usize, const M: usize, const K: usize>(
             }
         }
     }
-    let noise = SMatrix::from_diagonal(&q.fixed_rows::<M>(0).into_owned());
+    let noise = SMatrix::from_diagonal(&block(q, 0, 0));
     Gaussian { mean, factor: predicted_factor::<N, M, K>(noise, &moved, prior, q) }
 }
 
@@ -149,15 +149,15 @@ fn predicted_factor<const N: usize, const M: usize, const K: usize>(
     q: &SVector<f64, N>,
 ) -> SMatrix<f64, N, N> {
     const { assert!(N == M + K) }
-    let mut block = *prior;
-    block.fixed_rows_mut::<M>(0).copy_from(moved);
+    let mut rows = *prior;
+    set_block(&mut rows, 0, 0, moved);
     let mut leading = SMatrix::<f64, N, M>::zeros();
-    leading.fixed_rows_mut::<M>(0).copy_from(&noise);
-    absorb_leading(&mut leading, &mut block);
-    let mut rest = SMatrix::<f64, K, K>::from_diagonal(&q.fixed_rows::<K>(M).into_owned());
-    absorb(&mut rest, block.fixed_rows::<K>(M).into_owned());
-    let mut factor = SMatrix::<f64, N, N>::zeros();
-    factor.fixed_columns_mut::<M>(0).copy_from(&leading);
-    factor.fixed_view_mut::<K, K>(M, M).copy_from(&rest);
+    set_block(&mut leading, 0, 0, &noise);
+    absorb_leading(&mut leading, &mut rows);
+    let mut rest = SMatrix::from_diagonal(&block(q, M, 0));
+    absorb::<K, N>(&mut rest, block(&rows, M, 0));
+    let mut factor = SMatrix::zeros();
+    set_block(&mut factor, 0, 0, &leading);
+    set_block(&mut factor, M, M, &rest);
     factor
 }

@@ -28,6 +28,8 @@ fn inputs() -> Vec<Inputs> {
         .collect()
 }
 
+/// Timed: one whole sample, supervision included, inputs rotating; 100 samples per timing, so that neither the
+/// clock nor cold caches count.
 fn step(bencher: Bencher, kind: Kind, form: Form, radii: Radii) {
     let mut parameters = Parameters::default();
     parameters.filter.kind = kind;
@@ -45,27 +47,27 @@ fn step(bencher: Bencher, kind: Kind, form: Form, radii: Radii) {
     });
 }
 
-#[divan::bench]
+#[divan::bench(sample_size = 100)]
 fn srukf_array(bencher: Bencher) {
     step(bencher, Kind::SquareRootUnscented, Form::Array, Radii::Fixed);
 }
 
-#[divan::bench]
+#[divan::bench(sample_size = 100)]
 fn srukf_andrews(bencher: Bencher) {
     step(bencher, Kind::SquareRootUnscented, Form::Andrews, Radii::Fixed);
 }
 
-#[divan::bench]
+#[divan::bench(sample_size = 100)]
 fn srukf_array_with_radii(bencher: Bencher) {
     step(bencher, Kind::SquareRootUnscented, Form::Array, Radii::Estimated);
 }
 
-#[divan::bench]
+#[divan::bench(sample_size = 100)]
 fn ekf(bencher: Bencher) {
     step(bencher, Kind::Extended, Form::Array, Radii::Fixed);
 }
 
-#[divan::bench]
+#[divan::bench(sample_size = 100)]
 fn ekf_with_radii(bencher: Bencher) {
     step(bencher, Kind::Extended, Form::Array, Radii::Estimated);
 }

@@ -4,7 +4,7 @@
 use super::coordinates::{Map, unknowns};
 use super::parameters::{Adaptation, Form, Kind, Parameters, Radii};
 use super::supervision::{Fading, SlipLimits, Supervision};
-use crate::filter::square_root::{absorb_diagonal, andrews, array, joseph, std_of, tria};
+use crate::filter::square_root::{absorb_diagonal, andrews, array, block, joseph, set_block, tria, variances};
 use crate::filter::srukf::{Gaussian, Spread, SpreadError, predict_linearised};
 use crate::model::wheel_loader::{Drive, Driven, Loader, Motion, Unknowns};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
@@ -173,27 +173,27 @@ impl Engine {
         }
     }
 
-    /// Takes one sample; `y` is NaN where nothing was measured.
+    /// Takes one sample; `y` is NaN where nothing was measured. A belief that is not finite is not taken
+    /// over and nothing is returned.
     pub fn sample(
         &self,
-        belief: &Belief,
+        belief: &mut Belief,
         drive: &Drive,
         y: &[f64; 3],
         dt: f64,
         supervision: &mut Supervision,
-    ) -> (Belief, Outcome) {
+    ) -> Option<Outcome> {
         if self.radii {
-            return self.sample_states::<STATES, 5>(belief, drive, y, dt, supervision);
+            let (posterior, outcome) = self.sample_states::<STATES, 5>(belief, drive, y, dt, supervision);
+            *belief = posterior.is_finite().then_some(posterior)?;
+            return Some(outcome);
         }
-        let short = Gaussian {
-            mean: belief.mean.fixed_rows::<6>(0).into_owned(),
-            factor: belief.factor.fixed_view::<6, 6>(0, 0).into_owned(),
-        };
-        let (short, outcome) = self.sample_states::<6, 3>(&short, drive, y, dt, supervision);
-        let mut belief = *belief;
-        belief.mean.fixed_rows_mut::<6>(0).copy_from(&short.mean);
-        belief.factor.fixed_view_mut::<6, 6>(0, 0).copy_from(&short.factor);
-        (belief, outcome)
+        let prior = Gaussian { mean: block(&belief.mean, 0, 0), factor: block(&belief.factor, 0, 0) };
+        let (posterior, outcome) = self.sample_states::<6, 3>(&prior, drive, y, dt, supervision);
+        let posterior = posterior.is_finite().then_some(posterior)?;
+        set_block(&mut belief.mean, 0, 0, &posterior.mean);
+        set_block(&mut belief.factor, 0, 0, &posterior.factor);
+        Some(outcome)
     }
 
     fn sample_states<const N: usize, const K: usize>(
@@ -205,7 +205,7 @@ impl Engine {
         supervision: &mut Supervision,
     ) -> (Gaussian<N>, Outcome) {
         let held = supervision.held;
-        let predicted = if held { self.hold(prior, dt) } else { self.predict::<N, K>(prior, drive, dt) };
+        let mut belief = if held { self.hold(prior, dt) } else { self.predict::<N, K>(prior, drive, dt) };
 
         // Channels: missing ones carry no information, far ones are rejected for a while.
         let mut nu = Vector3::zeros();
@@ -213,15 +213,15 @@ impl Engine {
         let mut noise = Matrix3::identity();
         let mut outcome = Outcome::default();
         let mut used = 0;
-        let (level, measurement) = self.measurement(&predicted, y, dt, supervision);
-        let mut protect = held;
+        let (level, measurement) = self.measurement(&belief, y, dt, supervision);
+        let (mut protect, variance) = (held, variances(&belief.factor));
         for i in 0..3 {
             if !y[i].is_finite() {
                 continue;
             }
-            let innovation = y[i] - predicted.mean[i];
-            let deviation = (std_of(&predicted.factor, i).powi(2) + level[i] * level[i]).sqrt();
-            if self.supervise && innovation.abs() > self.gate * deviation {
+            let innovation = y[i] - belief.mean[i];
+            let variance = variance[i] + level[i] * level[i];
+            if self.supervise && innovation * innovation > self.gate * self.gate * variance {
                 supervision.masked[i] = supervision.masked[i].saturating_add(1);
                 if supervision.masked[i] <= self.gate_samples {
                     outcome.gated = true;
@@ -235,34 +235,34 @@ impl Engine {
             used += 1;
             nu[i] = innovation;
             noise[(i, i)] = measurement[i];
-            for j in 0..=i {
-                hs[(i, j)] = predicted.factor[(i, j)];
+            for j in 0..3 {
+                hs[(i, j)] = belief.factor[(i, j)];
             }
         }
 
-        let mut posterior = predicted;
         if used > 0 {
-            let leading = predicted.factor.fixed_columns::<3>(0).into_owned();
+            let leading = block(&belief.factor, 0, 0);
             let update = match self.form {
                 Form::Andrews if !protect => andrews(&leading, &hs, &noise),
                 _ => array(&leading, &hs, &noise),
             };
             outcome.nis = update.whiten(&nu).norm_squared() / f64::from(used);
             if protect {
-                let mut gain = update.gain();
+                let mut gain: SMatrix<f64, N, 3> = update.gain();
                 for row in 3..N {
                     gain.row_mut(row).fill(0.0);
                 }
-                let hs = SMatrix::<f64, 3, N>::from_fn(|i, j| if j < 3 { hs[(i, j)] } else { 0.0 });
-                posterior.mean += gain * nu;
-                posterior.factor = joseph(&predicted.factor, &hs, &noise, &gain);
+                let mut all = SMatrix::<f64, 3, N>::zeros();
+                set_block(&mut all, 0, 0, &hs);
+                belief.mean += gain * nu;
+                belief.factor = joseph(&belief.factor, &all, &noise, &gain);
             } else {
-                posterior.mean += update.step(&nu);
-                posterior.factor.fixed_columns_mut::<3>(0).copy_from(&update.factor);
+                belief.mean += update.step(&nu);
+                set_block(&mut belief.factor, 0, 0, &update.factor);
             }
         }
-        self.limit(&mut posterior);
-        (posterior, outcome)
+        self.limit(&mut belief);
+        (belief, outcome)
     }
 
     /// Standard deviations of the measurements, raised where the slip innovations of the last second
@@ -319,8 +319,9 @@ impl Engine {
         let scale = (dt / WALK_TIME).sqrt();
         let mut q = SVector::<f64, N>::from_fn(|i, _| self.process[i] * scale);
         if self.supervise {
+            let variance = variances(&prior.factor);
             for i in 0..3 {
-                let short = self.minimum[i] * self.minimum[i] - std_of(&prior.factor, 3 + i).powi(2);
+                let short = self.minimum[i] * self.minimum[i] - variance[3 + i];
                 if short > 0.0 {
                     q[3 + i] = (q[3 + i] * q[3 + i] + short).sqrt();
                 }
@@ -361,7 +362,7 @@ impl Engine {
                     }
                 }
                 let mut mean = *mean;
-                mean.fixed_rows_mut::<3>(0).copy_from(&moved);
+                set_block(&mut mean, 0, 0, &moved);
                 predict_linearised::<N, 3, K>(mean, &f, &prior.factor, &q)
             }
         }
@@ -371,14 +372,14 @@ impl Engine {
     fn limit<const N: usize>(&self, belief: &mut Gaussian<N>) {
         let mut theta = Vector3::new(belief.mean[3], belief.mean[4], belief.mean[5]);
         self.map.clip(&mut theta);
-        belief.mean.fixed_rows_mut::<3>(3).copy_from(&theta);
+        set_block(&mut belief.mean, 3, 0, &theta);
         if !self.supervise {
             return;
         }
+        let variance = variances(&belief.factor);
         for i in 0..6 {
-            let std = std_of(&belief.factor, i);
-            if std > self.maximum[i] {
-                let scale = self.maximum[i] / std;
+            if variance[i] > self.maximum[i] * self.maximum[i] {
+                let scale = self.maximum[i] / variance[i].sqrt();
                 for j in 0..=i {
                     belief.factor[(i, j)] *= scale;
                 }

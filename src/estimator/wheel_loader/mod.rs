@@ -196,10 +196,9 @@ impl WheelLoader {
             supervision.held = false;
         }
 
-        let (belief, outcome) = self.engine.sample(&self.state.belief, drive, y, dt, &mut self.state.supervision);
-        if belief.is_finite() {
-            self.state.belief = belief;
-            self.state.nis = outcome.nis;
+        let State { belief, supervision, nis, .. } = &mut self.state;
+        if let Some(outcome) = self.engine.sample(belief, drive, y, dt, supervision) {
+            *nis = outcome.nis;
             status.raise_if(outcome.gated, Status::GATED);
             status.raise_if(outcome.reacquired, Status::RESTARTED);
         } else {

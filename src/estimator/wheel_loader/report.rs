@@ -4,7 +4,7 @@ use super::engine::{Engine, STATES};
 use super::{Inputs, Outputs, Status, WheelLoader};
 use crate::filter::square_root::std_of;
 use crate::filter::srukf::Gaussian;
-use crate::model::wheel_loader::{GRAVITY, Loader, Motion, Unknowns};
+use crate::model::wheel_loader::{Driven, GRAVITY, Loader, Motion, Unknowns};
 use nalgebra::{SVector, Vector3};
 
 impl WheelLoader {
@@ -12,11 +12,12 @@ impl WheelLoader {
     pub(super) fn report_status(&self) -> Status {
         let mut status = Status::OK;
         let unknowns = self.engine.unknowns(&self.state.belief.mean);
-        status.raise_if(!self.height_observable(), Status::UNOBSERVABLE);
+        status.raise_if(!self.height_observable(unknowns[1]), Status::UNOBSERVABLE);
         status.raise_if(self.engine.map.at_bound(&unknowns), Status::AT_BOUND);
         if !self.state.supervision.held {
             let (machine, motion) = self.machine_and_motion();
-            status.raise_if(machine.rates(&motion, &unknowns, &self.state.drive).lift, Status::LIFT_OFF);
+            let driven = Driven::new(&machine, &self.state.drive);
+            status.raise_if(driven.lifts(&motion, &unknowns), Status::LIFT_OFF);
         }
         status
     }
@@ -31,8 +32,7 @@ impl WheelLoader {
         unknown_std(&self.engine, &self.state.belief)
     }
 
-    fn height_observable(&self) -> bool {
-        let height = self.engine.unknowns(&self.state.belief.mean)[1];
+    fn height_observable(&self, height: f64) -> bool {
         self.engine.map.slope_of(1, height) * std_of(&self.state.belief.factor, 4) < 0.5 * self.engine.start_height_std
     }
 
@@ -70,7 +70,7 @@ impl WheelLoader {
         (out.load_ratio, out.load_ratio_std) =
             load_ratio(engine, &state.belief, &machine, &motion, &unknowns, &drive, standing);
         out.hold = held;
-        out.cg_height_observable = self.height_observable();
+        out.cg_height_observable = self.height_observable(unknowns[1]);
         out.slip_inconsistent = state.supervision.evidence.contradicts;
         out.nis = state.nis;
         out.status = state.status;

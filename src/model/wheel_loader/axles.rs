@@ -227,6 +227,11 @@ impl<'a> Driven<'a> {
         ]
     }
 
+    /// Whether an axle has lost contact.
+    pub fn lifts(&self, x: &Motion, p: &Unknowns) -> bool {
+        self.at((x[0], Axles::new([x[1], x[2]])), Axles::new(self.loader.wheel_radius), p).lift
+    }
+
     /// [`Loader::advance`] with wheels of radius `radius`.
     pub fn advance(&self, radius: [f64; 2], x: &Motion, p: &Unknowns, dt: f64, substeps: u32) -> Motion {
         let (hs, r) = (dt / f64::from(substeps), Axles::new(radius));
@@ -253,7 +258,7 @@ impl<'a> Driven<'a> {
     ) -> (Motion, SMatrix<f64, 3, N>) {
         let (hs, r) = (dt / f64::from(substeps), Axles::new(radius));
         let mut x = (x[0], Axles::new([x[1], x[2]]));
-        let mut f: [Column; N] = std::array::from_fn(|k| unit(k));
+        let mut f: [Column; N] = std::array::from_fn(unit);
         for _ in 0..substeps {
             let at = self.at(x, r, p);
             let implicit = Implicit::new(&at, hs);
