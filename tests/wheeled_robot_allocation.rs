@@ -1,35 +1,18 @@
 //! A step of the wheeled robot's estimator allocates nothing.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
+#[path = "support/counting.rs"]
+mod counting;
+
+use counting::allocations;
 use wheelstate::Estimator;
 use wheelstate::estimator::wheeled_robot::{Inputs, Outputs, Parameters, WheeledRobot};
-
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-#[allow(unsafe_code)]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn steps_and_outputs_allocate_nothing() {
     let mut estimator = WheeledRobot::new(&Parameters::default()).unwrap();
     let mut outputs = Outputs::default();
     let mut inputs = Inputs { wheel_speed_rl: 20.0, wheel_speed_rr: 20.0, ..Inputs::default() };
-    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    let before = allocations();
     for k in 0..500 {
         inputs.steering_angle = 0.1 * (0.05 * f64::from(k)).sin();
         inputs.accel_y = if k % 7 == 0 { f64::NAN } else { 0.5 };
@@ -38,5 +21,5 @@ fn steps_and_outputs_allocate_nothing() {
         estimator.step(&inputs, dt);
         estimator.outputs(&inputs, 0.004, &mut outputs);
     }
-    assert_eq!(ALLOCATIONS.load(Ordering::Relaxed) - before, 0);
+    assert_eq!(allocations() - before, 0);
 }

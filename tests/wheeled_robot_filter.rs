@@ -31,9 +31,9 @@ fn run(mut see: impl FnMut(usize, &SrCkf<3>)) {
     let mut filter = SrCkf::new(Vector3::new(0.5, -0.2, 0.1), P0.into());
     for k in 0..400 {
         if k > 0 {
-            filter.predict(&Q.into(), f);
+            filter.predict(&Q.into(), |x: &[Vector3<f64>; 6]| x.map(|x| f(&x)));
         }
-        filter.update(&measurement(k), &R.into(), f64::INFINITY, h);
+        filter.update(&measurement(k), &R.into(), f64::INFINITY, [false; 3], |x: &[Vector3<f64>; 6]| x.map(|x| h(&x)));
         see(k, &filter);
     }
 }
@@ -107,10 +107,10 @@ fn equals_filterpy() {
 fn keeps_its_factor_where_covariances_lose_definiteness() {
     let mut filter = SrCkf::new(Vector3::zeros(), Vector3::repeat(1.0));
     for k in 0..2000 {
-        filter.predict(&Vector3::repeat(1e-9), |x| *x);
+        filter.predict(&Vector3::repeat(1e-9), |x: &[Vector3<f64>; 6]| *x);
         let z = Vector2::new(1e-6 * f64::from(k % 3), 0.0);
-        filter.update(&z, &Vector2::repeat(1e-8), f64::INFINITY, |x| {
-            Vector2::new(x[0] + x[1] + x[2], x[0] + x[1] + (1.0 + 1e-9) * x[2])
+        filter.update(&z, &Vector2::repeat(1e-8), f64::INFINITY, [false; 3], |x: &[Vector3<f64>; 6]| {
+            x.map(|x| Vector2::new(x[0] + x[1] + x[2], x[0] + x[1] + (1.0 + 1e-9) * x[2]))
         });
         assert!(filter.factor.iter().all(|s| s.is_finite()));
         assert!((0..3).all(|i| filter.factor[(i, i)] >= 0.0));

@@ -8,7 +8,7 @@ use support::{assert_close, vector_table, vector_text};
 use wheelstate::filter::sliding_mode::{Adaptation, SlidingMode};
 use wheelstate::filter::srckf::SrCkf;
 use wheelstate::model::tire::{Tire, Tires};
-use wheelstate::model::wheeled_robot::{Drive, Integrator, WheeledRobot, wheel_torque};
+use wheelstate::model::wheeled_robot::{Drive, Integrator, Motion, WheeledRobot, wheel_torque};
 
 const FOLDER: &str = "1-wheeled-robot";
 
@@ -164,7 +164,6 @@ fn cubature_filter() {
     let list = |key: &str| Vector3::from_iterator(v[key].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()));
     let channels = ["ax", "ay", "r", "vx"];
     let r_std = Vector4::from_iterator(channels.iter().map(|c| v["r_std"][c].as_f64().unwrap()));
-    let as_vector = |x: [f64; 3]| SVector::from(x);
     for name in ["p", "g", "w", "p_gaps", "g_gaps", "w_gaps"] {
         let table = vector_table(&format!("{FOLDER}/srckf_{name}.csv"));
         let mut filter = SrCkf::new(list("x0"), list("p0_std"));
@@ -173,15 +172,15 @@ fn cubature_filter() {
             let at = |column: &str| table.at(row, column);
             let drive = Drive::new(at("delta"), ["fx_fl", "fx_fr", "fx_rl", "fx_rr"].map(at));
             if let Some(u) = before {
-                filter.predict(&list("q_std"), |x| {
-                    as_vector(robot.advance(&(*x).into(), &u, 0.01, Integrator::Euler, 1))
+                filter.predict(&list("q_std"), |x: &[Vector3<f64>; 6]| {
+                    robot.driven(&u).advance_of(x.map(Motion::from), 0.01, Integrator::Euler, 1).map(SVector::from)
                 });
             }
             let column = |c: &str| table.columns.iter().position(|name| *name == format!("z_{c}"));
             let z = Vector4::from_iterator(channels.iter().map(|c| column(c).map_or(f64::NAN, |i| table.rows[row][i])));
-            let innovation = filter.update(&z, &r_std, f64::INFINITY, |x| {
-                let forces = robot.forces(&(*x).into(), &drive);
-                Vector4::new(forces.accel_x, forces.accel_y, x[2], x[0])
+            let innovation = filter.update(&z, &r_std, f64::INFINITY, [false; 3], |x: &[Vector3<f64>; 6]| {
+                let accelerations = robot.driven(&drive).accelerations_of(&x.map(Motion::from));
+                std::array::from_fn(|k| Vector4::new(accelerations[k][0], accelerations[k][1], x[k][2], x[k][0]))
             });
             before = Some(drive);
             for (i, state) in ["vx", "vy", "r"].iter().enumerate() {

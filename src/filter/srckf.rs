@@ -21,7 +21,7 @@
 //! measurement's spread; drawn anew the filter equals an unscented one with `alpha = 1, beta = 0,
 //! kappa = 0`. Step 11 holds for any gain `W`. A measurement that is not finite is left out.
 
-use super::square_root::{absorb, forward, tria};
+use super::square_root::{absorb, forward, product, tria};
 use nalgebra::{SMatrix, SVector};
 
 /// Mean and factor of the covariance.
@@ -59,46 +59,34 @@ impl<const N: usize> SrCkf<N> {
         Self { state, factor: SMatrix::from_diagonal(&std) }
     }
 
-    /// Time update (steps 2 to 4) through `f`, with the standard deviations of the process noise over
-    /// this step.
-    pub fn predict(&mut self, std: &SVector<f64, N>, f: impl Fn(&SVector<f64, N>) -> SVector<f64, N>) {
-        self.predict_pairs(std, |pair| pair.map(|x| f(&x)));
-    }
-
-    /// As [`predict`](Self::predict) with a function of two opposite points at once, which a processor
-    /// may evaluate side by side.
-    pub fn predict_pairs(&mut self, std: &SVector<f64, N>, f: impl Fn([SVector<f64, N>; 2]) -> [SVector<f64, N>; 2]) {
-        let (plus, minus) = self.points(&f);
-        self.state = mean(&plus, &minus);
+    /// Time update (steps 2 to 4) with the standard deviations of the process noise over this step.
+    ///
+    /// `f` takes all `P = 2N` points at once, which a processor may evaluate side by side.
+    pub fn predict<const P: usize>(
+        &mut self,
+        std: &SVector<f64, N>,
+        f: impl Fn(&[SVector<f64, N>; P]) -> [SVector<f64, N>; P],
+    ) {
+        let moved = f(&self.points());
+        self.state = mean(&moved);
         self.factor = SMatrix::from_diagonal(&std.abs());
-        absorb(&mut self.factor, centred(&plus, &self.state));
-        absorb(&mut self.factor, centred(&minus, &self.state));
+        absorb(&mut self.factor, centred(&moved, &self.state));
     }
 
-    /// Measurement update (steps 5 to 11) with `z`, its standard deviations and `h`.
+    /// Measurement update (steps 5 to 11) with `z`, its standard deviations and `h`, which takes all points
+    /// at once.
     ///
     /// Channels of `z` that are not finite are left out. The whole measurement is rejected if its NIS
-    /// exceeds `gate` times the number of channels.
-    pub fn update<const M: usize>(
-        &mut self,
-        z: &SVector<f64, M>,
-        std: &SVector<f64, M>,
-        gate: f64,
-        h: impl Fn(&SVector<f64, N>) -> SVector<f64, M>,
-    ) -> Innovation<M> {
-        self.update_pairs(z, std, gate, [false; N], |pair| pair.map(|x| h(&x)))
-    }
-
-    /// As [`update`](Self::update) with a function of two opposite points at once, and the states marked in `considered` keep their values: their
-    /// uncertainty counts, and no measurement moves them. For states that the measurements do not determine
-    /// and would only disturb.
-    pub fn update_pairs<const M: usize>(
+    /// exceeds `gate` times the number of channels. The states marked in `considered` keep their values:
+    /// their uncertainty counts, and no measurement moves them. For states that the measurements do not
+    /// determine and would only disturb.
+    pub fn update<const M: usize, const P: usize>(
         &mut self,
         z: &SVector<f64, M>,
         std: &SVector<f64, M>,
         gate: f64,
         considered: [bool; N],
-        h: impl Fn([SVector<f64, N>; 2]) -> [SVector<f64, M>; 2],
+        h: impl Fn(&[SVector<f64, N>; P]) -> [SVector<f64, M>; P],
     ) -> Innovation<M> {
         let used: [bool; M] = std::array::from_fn(|j| z[j].is_finite());
         let channels = used.iter().filter(|used| **used).count();
@@ -114,10 +102,9 @@ impl<const N: usize> SrCkf<N> {
         if channels == 0 {
             return out;
         }
-        let (mut plus, mut minus) = self.points(&h);
-        let expected = mean(&plus, &minus);
-        plus = centred(&plus, &expected);
-        minus = centred(&minus, &expected);
+        let seen = h(&self.points());
+        let expected = mean(&seen);
+        let mut spread = centred(&seen, &expected);
         // A channel without a sample becomes one that measures nothing, with unit noise: independent
         // of all others, without gain and without a share in the likelihood.
         let mut noise = SMatrix::<f64, M, M>::identity();
@@ -126,13 +113,11 @@ impl<const N: usize> SrCkf<N> {
                 noise[(j, j)] = std[j];
                 out.residual[j] = z[j] - expected[j];
             } else {
-                plus.row_mut(j).fill(0.0);
-                minus.row_mut(j).fill(0.0);
+                spread.row_mut(j).fill(0.0);
             }
         }
         out.factor = noise;
-        absorb(&mut out.factor, plus);
-        absorb(&mut out.factor, minus);
+        absorb(&mut out.factor, spread);
 
         let white = forward(&out.factor, &out.residual);
         let log_determinant: f64 = (0..M).map(|j| out.factor[(j, j)].ln()).sum();
@@ -144,46 +129,45 @@ impl<const N: usize> SrCkf<N> {
         }
 
         // The centred points are ± S e_i sqrt(N/2N), so P_xz = S (Zc+ - Zc-)ᵀ / sqrt(2)
-        let spread = self.factor * std::f64::consts::FRAC_1_SQRT_2;
-        let covariance = spread * (plus - minus).transpose();
-        let mut gain = divide(&covariance, &out.factor);
+        let half = self.factor * std::f64::consts::FRAC_1_SQRT_2;
+        let opposite = SMatrix::<f64, M, N>::from_fn(|j, i| spread[(j, i)] - spread[(j, N + i)]);
+        let mut gain = divide(&product(&half, &opposite.transpose()), &out.factor);
         (0..N).filter(|i| considered[*i]).for_each(|i| gain.row_mut(i).fill(0.0));
         self.state += gain * out.residual;
-        self.factor = tria(spread - gain * plus);
-        absorb(&mut self.factor, -spread - gain * minus);
-        absorb(&mut self.factor, gain * noise);
+        let mut rest = -product(&gain, &spread);
+        for i in 0..N {
+            for row in 0..N {
+                rest[(row, i)] += half[(row, i)];
+                rest[(row, N + i)] -= half[(row, i)];
+            }
+        }
+        self.factor = tria(rest);
+        absorb(&mut self.factor, product(&gain, &noise));
         out
     }
 
-    /// The points `x + sqrt(N) S e_i` and `x - sqrt(N) S e_i`, taken through `function`.
-    fn points<const M: usize>(
-        &self,
-        function: impl Fn([SVector<f64, N>; 2]) -> [SVector<f64, M>; 2],
-    ) -> (SMatrix<f64, M, N>, SMatrix<f64, M, N>) {
+    /// The points: first all `x + sqrt(N) S e_i`, then all `x - sqrt(N) S e_i`.
+    fn points<const P: usize>(&self) -> [SVector<f64, N>; P] {
+        const { assert!(P == 2 * N, "there are two points per state") };
         let step = (N as f64).sqrt();
-        let (mut plus, mut minus) = (SMatrix::<f64, M, N>::zeros(), SMatrix::<f64, M, N>::zeros());
-        for i in 0..N {
-            let offset = self.factor.column(i) * step;
-            let [above, below] = function([self.state + offset, self.state - offset]);
-            plus.set_column(i, &above);
-            minus.set_column(i, &below);
-        }
-        (plus, minus)
+        std::array::from_fn(|k| self.state + self.factor.column(k % N) * if k < N { step } else { -step })
     }
 }
 
-fn mean<const N: usize, const M: usize>(plus: &SMatrix<f64, M, N>, minus: &SMatrix<f64, M, N>) -> SVector<f64, M> {
-    (plus.column_sum() + minus.column_sum()) / (2 * N) as f64
+fn mean<const M: usize, const P: usize>(points: &[SVector<f64, M>; P]) -> SVector<f64, M> {
+    let mut sum = SVector::zeros();
+    for point in points {
+        sum += point;
+    }
+    sum / P as f64
 }
 
-fn centred<const N: usize, const M: usize>(points: &SMatrix<f64, M, N>, mean: &SVector<f64, M>) -> SMatrix<f64, M, N> {
-    let scale = 1.0 / ((2 * N) as f64).sqrt();
-    let mut centred = *points;
-    for mut column in centred.column_iter_mut() {
-        column -= mean;
-        column *= scale;
-    }
-    centred
+fn centred<const M: usize, const P: usize>(
+    points: &[SVector<f64, M>; P],
+    mean: &SVector<f64, M>,
+) -> SMatrix<f64, M, P> {
+    let scale = 1.0 / (P as f64).sqrt();
+    SMatrix::from_fn(|j, k| (points[k][j] - mean[j]) * scale)
 }
 
 /// `P (L Lᵀ)⁻¹` by substitution, no inverse.

@@ -14,7 +14,7 @@
 //!
 //! Erratum: the source calls the accelerations' noise "process noise"; it is measurement noise.
 
-use super::tire::Tires;
+use super::tire::{Angles, Curves, Tires, arc_tangent};
 use wide::f64x4;
 
 /// One number per wheel, in the order front left, front right, rear left, rear right.
@@ -94,6 +94,13 @@ pub struct Forces {
     pub yaw_acceleration: f64,
 }
 
+impl Forces {
+    /// Specific forces at the centre of gravity, m/s², and yaw acceleration, rad/s².
+    pub fn accelerations(&self) -> [f64; 3] {
+        [self.accel_x, self.accel_y, self.yaw_acceleration]
+    }
+}
+
 /// How the equations of motion are made discrete, the inputs being held over a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Integrator {
@@ -104,33 +111,11 @@ pub enum Integrator {
 }
 
 impl WheeledRobot {
-    /// Velocity of the wheels' hubs along and across the wheels, m/s.
-    #[inline(always)]
-    pub fn hub_velocities(&self, x: &Motion, drive: &Drive) -> (Wheels, Wheels) {
-        let [vx, vy, r] = *x;
-        let (front, rear) = (0.5 * self.track_front * r, 0.5 * self.track_rear * r);
-        let (uy_front, uy_rear) = (vy + self.cg_to_front * r, vy - self.cg_to_rear * r);
-        let (s, c) = (drive.steering_sin, drive.steering_cos);
-        let (left, right) = (vx - front, vx + front);
-        let along = [left * c + uy_front * s, right * c + uy_front * s, vx - rear, vx + rear];
-        let across = [uy_front * c - left * s, uy_front * c - right * s, uy_rear, uy_rear];
-        (along, across)
-    }
-
-    /// Slip angles, rad: `-atan(across / max(|along|, v_min))`, positive for a leftward force. The
-    /// guard makes them defined at rest and in reverse.
-    #[inline(always)]
-    pub fn slip_angles(&self, x: &Motion, drive: &Drive) -> Wheels {
-        let (along, across) = self.hub_velocities(x, drive);
-        let speed = f64x4::new(along).abs().fast_max(f64x4::splat(self.minimum_speed));
-        (-f64x4::new(across) / speed).atan().to_array()
-    }
-
     /// Vertical wheel loads under an acceleration, N. Their sum is the weight and none is negative:
     /// a wheel that would pull at the ground has lifted off.
     #[inline(always)]
     pub fn loads(&self, accel_x: f64, accel_y: f64) -> Wheels {
-        self.transfer().loads(accel_x, accel_y)
+        self.transfer().loads(accel_x, accel_y).to_array()
     }
 
     /// What the load transfer is made of; worked out once, for divisions are slow.
@@ -138,117 +123,199 @@ impl WheeledRobot {
     fn transfer(&self) -> Transfer {
         let (weight, base) = (self.mass * GRAVITY, self.cg_to_front + self.cg_to_rear);
         let lever = self.mass * self.cg_height / base;
+        let (front, rear) = (lever * self.cg_to_rear / self.track_front, lever * self.cg_to_front / self.track_rear);
         Transfer {
             weight,
             front: weight * self.cg_to_rear / base,
             pitch: lever,
-            roll_front: lever * self.cg_to_rear / self.track_front,
-            roll_rear: lever * self.cg_to_front / self.track_rear,
+            roll: f64x4::new([-front, front, -rear, rear]),
         }
     }
 
-    /// Forces and accelerations in a state. Loads depend on accelerations, these on tyre forces, and
-    /// these on loads: four rounds of a fixed point, begun without lateral forces.
+    /// The vehicle under a drive.
     #[inline]
+    pub fn driven(&self, drive: &Drive) -> Driven<'_> {
+        Driven::new(self, drive)
+    }
+
+    /// Forces and accelerations in a state; see [`Driven::forces_of`].
     pub fn forces(&self, x: &Motion, drive: &Drive) -> Forces {
-        let [forces] = self.forces_of(&[*x], drive);
+        let [forces] = self.driven(drive).forces_of(&[*x]);
         forces
     }
 
-    /// The forces in several states. Each state is one long chain of dependent operations; side by
-    /// side the chains keep the processor busy.
-    #[inline]
-    pub fn forces_of<const K: usize>(&self, x: &[Motion; K], drive: &Drive) -> [Forces; K] {
-        let (s, c, fx) = (drive.steering_sin, drive.steering_cos, &drive.longitudinal);
-        let (transfer, per_mass, longitudinal) = (self.transfer(), 1.0 / self.mass, f64x4::new(*fx));
-        let front_fx = fx[0] + fx[1];
-        let (forward, sideward) = (front_fx * c + fx[2] + fx[3], front_fx * s);
-        let mut all: [Forces; K] = std::array::from_fn(|k| Forces {
-            slip_angle: self.slip_angles(&x[k], drive),
-            load: [0.0; 4],
-            lateral: [0.0; 4],
-            accel_x: forward * per_mass,
-            accel_y: 0.0,
-            yaw_acceleration: 0.0,
-        });
-        let slip = std::array::from_fn(|k| f64x4::new(all[k].slip_angle));
-        for _ in 0..4 {
-            for one in &mut all {
-                one.load = transfer.loads(one.accel_x, one.accel_y);
-            }
-            let load = std::array::from_fn(|k| f64x4::new(all[k].load));
-            let lateral = self.tires.lateral_forces::<K>(&slip, &load, longitudinal, self.combined);
-            for (one, lateral) in all.iter_mut().zip(lateral) {
-                one.lateral = lateral.to_array();
-                let [left, right, rear_left, rear_right] = one.lateral;
-                one.accel_x = (forward - (left + right) * s) * per_mass;
-                one.accel_y = (sideward + (left + right) * c + rear_left + rear_right) * per_mass;
-            }
-        }
-        for one in &mut all {
-            let lateral = &one.lateral;
-            let bx: Wheels = [fx[0] * c - lateral[0] * s, fx[1] * c - lateral[1] * s, fx[2], fx[3]];
-            let by_front = front_fx * s + (lateral[0] + lateral[1]) * c;
-            let moment = self.cg_to_front * by_front - self.cg_to_rear * (lateral[2] + lateral[3])
-                + 0.5 * self.track_front * (bx[1] - bx[0])
-                + 0.5 * self.track_rear * (bx[3] - bx[2]);
-            one.yaw_acceleration = moment / self.yaw_inertia;
-        }
-        all
+    /// Time derivative of the motion.
+    pub fn derivative(&self, x: &Motion, drive: &Drive) -> Motion {
+        let [rate] = self.driven(drive).derivatives(&[*x]);
+        rate
+    }
+
+    /// The motion `dt` seconds later, in equal substeps.
+    pub fn advance(&self, x: &Motion, drive: &Drive, dt: f64, integrator: Integrator, substeps: u32) -> Motion {
+        let [x] = self.driven(drive).advance_of([*x], dt, integrator, substeps);
+        x
     }
 
     /// Slopes of the lateral forces over the slip angles at fixed loads, N/rad.
     pub fn cornering_slopes(&self, slip_angle: Wheels, load: Wheels, drive: &Drive) -> Wheels {
-        const STEP: f64 = 1e-4;
-        let (load, longitudinal) = (f64x4::new(load), f64x4::new(drive.longitudinal));
-        let (slip, step) = (f64x4::new(slip_angle), f64x4::splat(STEP));
-        let beside = [slip + step, slip - step];
-        let [above, below] = self.tires.lateral_forces(&beside, &[load; 2], longitudinal, self.combined);
-        ((above - below) / f64x4::splat(2.0 * STEP)).to_array()
+        self.tires.slopes(slip_angle, load, drive.longitudinal, self.combined)
+    }
+}
+
+/// The vehicle under a drive: all that is the same in every state, worked out once, so that a filter can ask
+/// about many states.
+#[derive(Clone, Debug)]
+pub struct Driven<'a> {
+    model: &'a WheeledRobot,
+    longitudinal: f64x4,
+    /// Sines and cosines of the wheels' steering angles, and the hubs' places left and ahead.
+    steering: (f64x4, f64x4),
+    left: f64x4,
+    ahead: f64x4,
+    /// The specific forces and the yaw acceleration by the longitudinal forces alone.
+    alone: [f64; 3],
+    /// Acceleration per lateral force: both front wheels' ahead and to the left, both rear wheels' to the left.
+    per_force: [f64; 3],
+    /// Yaw acceleration per lateral force of each wheel.
+    turning: Wheels,
+    transfer: Transfer,
+    /// Loads and curves of the first round.
+    first: (f64x4, Curves),
+}
+
+impl<'a> Driven<'a> {
+    #[inline]
+    fn new(model: &'a WheeledRobot, drive: &Drive) -> Self {
+        let (s, c, fx) = (drive.steering_sin, drive.steering_cos, &drive.longitudinal);
+        let (per_mass, per_inertia) = (1.0 / model.mass, 1.0 / model.yaw_inertia);
+        let (lf, lr) = (model.cg_to_front, model.cg_to_rear);
+        let (half_front, half_rear) = (0.5 * model.track_front, 0.5 * model.track_rear);
+        let front_fx = fx[0] + fx[1];
+        let moment = lf * front_fx * s + half_front * c * (fx[1] - fx[0]) + half_rear * (fx[3] - fx[2]);
+        let alone = [(front_fx * c + fx[2] + fx[3]) * per_mass, front_fx * s * per_mass, moment * per_inertia];
+        let (transfer, longitudinal) = (model.transfer(), f64x4::new(*fx));
+        let load = transfer.loads(alone[0], 0.0);
+        Self {
+            model,
+            longitudinal,
+            steering: (f64x4::new([s, s, 0.0, 0.0]), f64x4::new([c, c, 1.0, 1.0])),
+            left: f64x4::new([half_front, -half_front, half_rear, -half_rear]),
+            ahead: f64x4::new([lf, lf, -lr, -lr]),
+            alone,
+            per_force: [-s * per_mass, c * per_mass, per_mass],
+            turning: [lf * c + half_front * s, lf * c - half_front * s, -lr, -lr].map(|arm| arm * per_inertia),
+            transfer,
+            first: (load, model.tires.curves(load, longitudinal, model.combined)),
+        }
     }
 
-    /// Time derivative of the motion.
-    #[inline]
-    pub fn derivative(&self, x: &Motion, drive: &Drive) -> Motion {
-        let [rate] = self.derivatives(&[*x], drive);
-        rate
+    #[inline(always)]
+    fn hubs(&self, x: &Motion) -> (f64x4, f64x4) {
+        let [vx, vy, r] = x.map(f64x4::splat);
+        let (ux, uy) = (vx - r * self.left, vy + r * self.ahead);
+        let (s, c) = self.steering;
+        (ux * c + uy * s, uy * c - ux * s)
     }
 
+    #[inline(always)]
+    fn slip(&self, x: &Motion) -> f64x4 {
+        let (along, across) = self.hubs(x);
+        let speed = along.abs().fast_max(f64x4::splat(self.model.minimum_speed));
+        arc_tangent(across.abs() / speed).flip_signs(-across)
+    }
+
+    /// Slip angles, rad: `-atan(across / max(|along|, v_min))`, positive for a leftward force. The
+    /// guard makes them defined at rest and in reverse.
+    pub fn slip_angles(&self, x: &Motion) -> Wheels {
+        self.slip(x).to_array()
+    }
+
+    /// Velocity of the wheels' hubs along and across the wheels, m/s.
+    pub fn hub_velocities(&self, x: &Motion) -> (Wheels, Wheels) {
+        let (along, across) = self.hubs(x);
+        (along.to_array(), across.to_array())
+    }
+
+    /// The forces in several states. Loads depend on accelerations, these on tyre forces, and
+    /// these on loads: four rounds of a fixed point, begun without lateral forces.
     #[inline]
-    fn derivatives<const K: usize>(&self, x: &[Motion; K], drive: &Drive) -> [Motion; K] {
-        let forces = self.forces_of(x, drive);
+    pub fn forces_of<const K: usize>(&self, x: &[Motion; K]) -> [Forces; K] {
+        let slip = x.map(|x| self.slip(&x));
+        let (load, lateral) = self.loads_and_forces(&slip);
         std::array::from_fn(|k| {
-            let ([vx, vy, r], forces) = (x[k], &forces[k]);
-            [forces.accel_x + r * vy, forces.accel_y - r * vx, forces.yaw_acceleration]
+            let lateral = lateral[k].to_array();
+            let [accel_x, accel_y, yaw_acceleration] = self.accelerations(&lateral);
+            let (slip_angle, load) = (slip[k].to_array(), load[k].to_array());
+            Forces { slip_angle, load, lateral, accel_x, accel_y, yaw_acceleration }
         })
     }
 
-    /// The motion `dt` seconds later, in equal substeps.
+    /// The specific forces at the centre of gravity, m/s², and the yaw acceleration, rad/s², in several states.
     #[inline]
-    pub fn advance(&self, x: &Motion, drive: &Drive, dt: f64, integrator: Integrator, substeps: u32) -> Motion {
-        let [x] = self.advance_of([*x], drive, dt, integrator, substeps);
-        x
+    pub fn accelerations_of<const K: usize>(&self, x: &[Motion; K]) -> [[f64; 3]; K] {
+        let (_, lateral) = self.loads_and_forces(&x.map(|x| self.slip(&x)));
+        lateral.map(|lateral| self.accelerations(&lateral.to_array()))
     }
 
-    /// As [`advance`](Self::advance) for several states side by side.
+    #[inline(always)]
+    fn loads_and_forces<const K: usize>(&self, slip: &[f64x4; K]) -> ([f64x4; K], [f64x4; K]) {
+        let (tires, combined) = (&self.model.tires, self.model.combined);
+        let mut load = [self.first.0; K];
+        let mut curves = [self.first.1; K];
+        let mut angles = [Angles::default(); K];
+        let mut lateral = tires.on_curves(slip, &curves, &mut angles, false);
+        for _ in 1..4 {
+            for k in 0..K {
+                let [accel_x, accel_y, _] = self.accelerations(&lateral[k].to_array());
+                load[k] = self.transfer.loads(accel_x, accel_y);
+                curves[k] = tires.curves(load[k], self.longitudinal, combined);
+            }
+            // from round to round the angles hardly change
+            lateral = tires.on_curves(slip, &curves, &mut angles, true);
+        }
+        (load, lateral)
+    }
+
+    /// The specific forces at the centre of gravity, m/s², and the yaw acceleration, rad/s², under lateral forces.
+    #[inline(always)]
+    fn accelerations(&self, lateral: &Wheels) -> [f64; 3] {
+        let [ahead, left, rear] = self.per_force;
+        let (front_pair, rear_pair) = (lateral[0] + lateral[1], lateral[2] + lateral[3]);
+        let [a, b, c, d] = std::array::from_fn(|i| self.turning[i] * lateral[i]);
+        [
+            self.alone[0] + front_pair * ahead,
+            self.alone[1] + front_pair * left + rear_pair * rear,
+            self.alone[2] + ((a + b) + (c + d)),
+        ]
+    }
+
+    #[inline]
+    fn derivatives<const K: usize>(&self, x: &[Motion; K]) -> [Motion; K] {
+        let accelerations = self.accelerations_of(x);
+        std::array::from_fn(|k| {
+            let ([vx, vy, r], [ax, ay, turn]) = (x[k], accelerations[k]);
+            [ax + r * vy, ay - r * vx, turn]
+        })
+    }
+
+    /// The motions `dt` seconds later of several states side by side, in equal substeps.
     #[inline]
     pub fn advance_of<const K: usize>(
         &self,
         mut x: [Motion; K],
-        drive: &Drive,
         dt: f64,
         integrator: Integrator,
         substeps: u32,
     ) -> [Motion; K] {
         let h = dt / f64::from(substeps.max(1));
         for _ in 0..substeps.max(1) {
-            let k1 = self.derivatives(&x, drive);
+            let k1 = self.derivatives(&x);
             x = match integrator {
                 Integrator::Euler => ahead(&x, &k1, h),
                 Integrator::Rk4 => {
-                    let k2 = self.derivatives(&ahead(&x, &k1, 0.5 * h), drive);
-                    let k3 = self.derivatives(&ahead(&x, &k2, 0.5 * h), drive);
-                    let k4 = self.derivatives(&ahead(&x, &k3, h), drive);
+                    let k2 = self.derivatives(&ahead(&x, &k1, 0.5 * h));
+                    let k3 = self.derivatives(&ahead(&x, &k2, 0.5 * h));
+                    let k4 = self.derivatives(&ahead(&x, &k3, h));
                     let mean = |k: usize, i: usize| k1[k][i] + 2.0 * k2[k][i] + 2.0 * k3[k][i] + k4[k][i];
                     std::array::from_fn(|k| std::array::from_fn(|i| x[k][i] + h / 6.0 * mean(k, i)))
                 }
@@ -259,22 +326,22 @@ impl WheeledRobot {
 }
 
 /// Load transfer, loads per acceleration.
+#[derive(Clone, Debug)]
 struct Transfer {
     weight: f64,
     front: f64,
     pitch: f64,
-    roll_front: f64,
-    roll_rear: f64,
+    /// Of each wheel, to the left positive.
+    roll: f64x4,
 }
 
 impl Transfer {
     #[inline(always)]
-    fn loads(&self, accel_x: f64, accel_y: f64) -> Wheels {
-        let front = (self.front - self.pitch * accel_x).max(0.0).min(self.weight);
-        let (half_front, half_rear) = (0.5 * front, 0.5 * (self.weight - front));
-        let shift_front = (self.roll_front * accel_y).max(-half_front).min(half_front);
-        let shift_rear = (self.roll_rear * accel_y).max(-half_rear).min(half_rear);
-        [half_front - shift_front, half_front + shift_front, half_rear - shift_rear, half_rear + shift_rear]
+    fn loads(&self, accel_x: f64, accel_y: f64) -> f64x4 {
+        let front = 0.5 * (self.front - self.pitch * accel_x).max(0.0).min(self.weight);
+        let rear = 0.5 * self.weight - front;
+        let half = f64x4::new([front, front, rear, rear]);
+        half + (self.roll * f64x4::splat(accel_y)).fast_max(-half).fast_min(half)
     }
 }
 
@@ -282,12 +349,12 @@ fn ahead<const K: usize>(x: &[Motion; K], slope: &[Motion; K], h: f64) -> [Motio
     std::array::from_fn(|k| std::array::from_fn(|i| x[k][i] + h * slope[k][i]))
 }
 
-/// What an inertial sensor `(dx, dy)` metres from the centre of gravity reads there, m/s²:
-/// `ax - r² dx - r' dy` and `ay - r² dy + r' dx`.
+/// What an inertial sensor `(dx, dy)` metres from the centre of gravity reads there, m/s², from the specific
+/// forces at the centre of gravity and the yaw acceleration: `ax - r² dx - r' dy` and `ay - r² dy + r' dx`.
 #[inline]
-pub fn specific_force_at(forces: &Forces, yaw_rate: f64, dx: f64, dy: f64) -> (f64, f64) {
-    let (square, change) = (yaw_rate * yaw_rate, forces.yaw_acceleration);
-    (forces.accel_x - square * dx - change * dy, forces.accel_y - square * dy + change * dx)
+pub fn specific_force_at([ax, ay, turn]: [f64; 3], yaw_rate: f64, dx: f64, dy: f64) -> (f64, f64) {
+    let square = yaw_rate * yaw_rate;
+    (ax - square * dx - turn * dy, ay - square * dy + turn * dx)
 }
 
 /// Torque on a wheel, N m: `T_drive - T_brake clip(w/w_stop, -1, 1) - f_r Fz R tanh(w/0.1)`. Brake and

@@ -73,12 +73,14 @@ fn cubature_filter(bencher: Bencher) {
     let (q, r) = (Vector3::repeat(0.02), Vector4::new(0.1, 0.1, 0.01, 0.05));
     let z = Vector4::new(0.0, 1.0, 0.35, 3.0);
     bencher.bench_local(|| {
-        filter.predict_pairs(&q, |x| {
-            robot.advance_of(x.map(Motion::from), black_box(&drive), 0.01, Integrator::Euler, 1).map(SVector::from)
+        let driven = robot.driven(black_box(&drive));
+        filter.predict(&q, |x: &[Vector3<f64>; 6]| {
+            driven.advance_of(x.map(Motion::from), 0.01, Integrator::Euler, 1).map(SVector::from)
         });
-        filter.update_pairs(black_box(&z), &r, f64::INFINITY, [false; 3], |x| {
-            let forces = robot.forces_of(&x.map(Motion::from), &drive);
-            std::array::from_fn(|k| Vector4::new(forces[k].accel_x, forces[k].accel_y, x[k][2], x[k][0]))
+        let driven = robot.driven(black_box(&drive));
+        filter.update(black_box(&z), &r, f64::INFINITY, [false; 3], |x: &[Vector3<f64>; 6]| {
+            let forces = driven.accelerations_of(&x.map(Motion::from));
+            std::array::from_fn(|k| Vector4::new(forces[k][0], forces[k][1], x[k][2], x[k][0]))
         })
     });
 }

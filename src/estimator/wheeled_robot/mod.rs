@@ -35,7 +35,7 @@ use super::{Estimator, StateError};
 use crate::filter::srckf::SrCkf;
 use crate::model::tire::{Tire, Tires};
 use crate::model::wheeled_robot::{
-    Drive, GRAVITY, Integrator, Motion, WheeledRobot as Model, Wheels, lateral_rate, specific_force_at,
+    Drive, Driven, GRAVITY, Integrator, Motion, WheeledRobot as Model, Wheels, lateral_rate, specific_force_at,
 };
 use crate::{ParameterError, Status, Variables};
 use nalgebra::{SMatrix, SVector, Vector3, Vector4};
@@ -107,8 +107,9 @@ impl WheeledRobot {
         })
     }
 
-    fn advance(&self, x: &Motion, drive: &Drive, dt: f64) -> Motion {
-        self.model.advance(x, drive, dt, self.integrator(), self.substeps(x[0], dt))
+    fn advance(&self, x: &Motion, driven: &Driven, dt: f64) -> Motion {
+        let [x] = driven.advance_of([*x], dt, self.integrator(), self.substeps(x[0], dt));
+        x
     }
 
     fn integrator(&self) -> Integrator {
@@ -140,17 +141,16 @@ impl WheeledRobot {
         };
 
         // time update with the inputs of the sample before
-        let before = Drive::new(self.state.steering, self.state.wheels.force);
+        let drive = Drive::new(self.state.steering, self.state.wheels.force);
+        let driven = self.model.driven(&drive);
         let scale = (h / p.sample_period).sqrt();
         let q = &p.filter.process_std;
         let process = Vector3::new(q.speed_x, q.speed_y, q.yaw_rate) * scale;
         if self.state.samples > 0 {
             for _ in 0..steps {
                 let substeps = self.substeps(filter.state[0], h);
-                filter.predict_pairs(&process, |x| {
-                    self.model
-                        .advance_of(x.map(Motion::from), &before, h, self.integrator(), substeps)
-                        .map(SVector::from)
+                filter.predict(&process, |x: &[Vector3<f64>; 6]| {
+                    driven.advance_of(x.map(Motion::from), h, self.integrator(), substeps).map(Vector3::from)
                 });
             }
         }
@@ -202,17 +202,17 @@ impl WheeledRobot {
         let noise = Vector4::new(r.accel_x, r.accel_y, r.gyro_z, r.speed);
         let closed = p.filter.gate > 0.0 && s.rejections < MOST_REJECTIONS;
         let gate = if closed { p.filter.gate } else { f64::INFINITY };
-        let (model, imu) = (&self.model, &p.imu);
-        let expected = |x: [Vector3<f64>; 2]| {
-            let forces = model.forces_of(&x.map(Motion::from), &drive);
+        let (driven, imu) = (self.model.driven(&drive), &p.imu);
+        let expected = |x: &[Vector3<f64>; 6]| {
+            let accelerations = driven.accelerations_of(&x.map(Motion::from));
             std::array::from_fn(|k| {
-                let (ax, ay) = specific_force_at(&forces[k], x[k][2], imu.x, imu.y);
+                let (ax, ay) = specific_force_at(accelerations[k], x[k][2], imu.x, imu.y);
                 Vector4::new(ax, ay, x[k][2], x[k][0])
             })
         };
         // A speed that nothing determines must not be moved by noise: it is considered, not updated.
         let blind = speed.is_none() && s.blind;
-        let innovation = filter.update_pairs(&z, &noise, gate, [blind, false, false], expected);
+        let innovation = filter.update(&z, &noise, gate, [blind, false, false], expected);
         status.raise_if(innovation.gated, Status::GATED);
         status.raise_if(innovation.channels == 0, Status::NO_MEASUREMENT);
         s.rejections = if innovation.gated { s.rejections + 1 } else { 0 };
@@ -227,12 +227,12 @@ impl WheeledRobot {
         // what the outputs are made of
         s.x = filter.state.into();
         s.factor = filter.factor.transpose().into();
-        let forces = model.forces(&s.x, &drive);
+        let [forces] = driven.forces_of(&[s.x]);
         (s.load, s.lateral) = (forces.load, forces.lateral);
         s.log_likelihood = innovation.log_likelihood;
         if innovation.channels > 0 {
             s.nis = innovation.nis / innovation.channels as f64;
-            let (ax, ay) = specific_force_at(&forces, s.x[2], imu.x, imu.y);
+            let (ax, ay) = specific_force_at(forces.accelerations(), s.x[2], imu.x, imu.y);
             let squares = [z[0] - ax, z[1] - ay].map(|e| if e.is_finite() { e * e } else { 0.0 });
             let count = innovation.used[..2].iter().filter(|used| **used).count().max(1);
             s.output_error = (squares[0] + squares[1]) / count as f64;
@@ -244,7 +244,7 @@ impl WheeledRobot {
             }
         }
         status.raise_if(s.load.iter().any(|load| *load <= 0.0), Status::LIFT_OFF);
-        status.raise_if(self.wheels.slipping(&s.wheels, model, &s.x, &drive), Status::SLIP);
+        status.raise_if(self.wheels.slipping(&s.wheels, &driven, &s.x), Status::SLIP);
         let still = self.wheels.standing(&s.wheels).or(reference.map(|v| v.abs() < 2.0 * r.speed));
         status.raise_if(still == Some(true), Status::STANDSTILL);
         let fresh_speed = innovation.used[3] && !innovation.gated;
@@ -330,9 +330,9 @@ impl Estimator for WheeledRobot {
         let h = bridged / steps;
         if whole > bridged {
             let s = &self.start;
-            let moved = (0..steps as u32).fold(self.state.x, |x, _| {
-                self.advance(&x, &Drive::new(self.state.steering, self.state.wheels.force), h)
-            });
+            let drive = Drive::new(self.state.steering, self.state.wheels.force);
+            let driven = self.model.driven(&drive);
+            let moved = (0..steps as u32).fold(self.state.x, |x, _| self.advance(&x, &driven, h));
             self.state.x = moved;
             self.state.factor = s.factor;
             self.state.wheels.observers = s.wheels.observers;

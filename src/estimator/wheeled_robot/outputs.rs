@@ -2,7 +2,7 @@
 
 use super::{Inputs, Outputs, WheeledRobot};
 use crate::Status;
-use crate::model::wheeled_robot::{Drive, Wheels};
+use crate::model::wheeled_robot::{Drive, Driven, Wheels};
 
 impl WheeledRobot {
     pub(super) fn write_outputs(&self, inputs: &Inputs, ahead: f64, out: &mut Outputs) {
@@ -11,15 +11,16 @@ impl WheeledRobot {
         let (mut load, mut lateral) = (s.load, s.lateral);
         let steering = if inputs.steering_angle.abs() <= 1.6 { inputs.steering_angle } else { s.steering };
         let drive = Drive::new(steering, s.wheels.force);
+        let driven = self.model.driven(&drive);
         if ahead > 0.0 && ahead.is_finite() && s.samples > 0 {
             // the model is held to where it can be trusted: a second without any measurement
             let period = self.parameters.sample_period;
             let carried = ahead.min(super::LONGEST_GAP.max(period));
             let steps = (carried / period).ceil().max(1.0);
             for _ in 0..steps as u32 {
-                x = self.advance(&x, &drive, carried / steps);
+                x = self.advance(&x, &driven, carried / steps);
             }
-            let forces = self.model.forces(&x, &drive);
+            let [forces] = driven.forces_of(&[x]);
             (load, lateral) = (forces.load, forces.lateral);
         }
 
@@ -45,7 +46,7 @@ impl WheeledRobot {
             std::f64::consts::PI / 3f64.sqrt()
         };
 
-        let lateral_std = self.lateral_std(&x, &drive, &load, spread);
+        let lateral_std = self.lateral_std(&x, &drive, &driven, &load, spread);
         let load_std = self.load_std(&lateral_std);
         let (force, force_std) = (s.wheels.force, s.wheels.force_std);
         [out.wheel_force_x_fl, out.wheel_force_x_fr, out.wheel_force_x_rl, out.wheel_force_x_rr] = force;
@@ -68,10 +69,17 @@ impl WheeledRobot {
 
     /// Standard deviations of the lateral forces from that of the slip angles, through the slope of the
     /// tyre's curve, N.
-    fn lateral_std(&self, x: &[f64; 3], drive: &Drive, load: &Wheels, spread: impl Fn([f64; 3]) -> f64) -> Wheels {
-        let slip = self.model.slip_angles(x, drive);
+    fn lateral_std(
+        &self,
+        x: &[f64; 3],
+        drive: &Drive,
+        driven: &Driven,
+        load: &Wheels,
+        spread: impl Fn([f64; 3]) -> f64,
+    ) -> Wheels {
+        let slip = driven.slip_angles(x);
         let slope = self.model.cornering_slopes(slip, *load, drive);
-        let (along, across) = self.model.hub_velocities(x, drive);
+        let (along, across) = driven.hub_velocities(x);
         let arms = [self.model.cg_to_front, self.model.cg_to_front, -self.model.cg_to_rear, -self.model.cg_to_rear];
         std::array::from_fn(|i| {
             let speed = along[i].abs().max(self.model.minimum_speed);

@@ -5,7 +5,7 @@ use super::parameters::{Axle, Inputs, Parameters};
 use super::{Sample, sample};
 use crate::Status;
 use crate::filter::sliding_mode::{Adaptation, Knowledge, SlidingMode, SlidingModeState};
-use crate::model::wheeled_robot::{Drive, Motion, WheeledRobot, Wheels, wheel_torque};
+use crate::model::wheeled_robot::{Drive, Driven, Motion, WheeledRobot, Wheels, wheel_torque};
 use serde::{Deserialize, Serialize};
 
 /// Time constant of the accelerometer's low-pass where it gives the forces, s.
@@ -219,8 +219,8 @@ impl WheelObservers {
     }
 
     /// Whether the speed of a wheel with a sample is far from that of the ground under it.
-    pub fn slipping(&self, state: &WheelStates, model: &WheeledRobot, x: &Motion, drive: &Drive) -> bool {
-        let (along, _) = model.hub_velocities(x, drive);
+    pub fn slipping(&self, state: &WheelStates, driven: &Driven, x: &Motion) -> bool {
+        let (along, _) = driven.hub_velocities(x);
         (0..4).any(|i| {
             let rim = self.radius * state.speeds[i];
             state.measured[i] && (rim - along[i]).abs() > 0.2 * rim.abs().max(along[i].abs()).max(1.0)

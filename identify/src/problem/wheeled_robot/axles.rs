@@ -158,7 +158,7 @@ pub fn axles(log: &Log, p: &Parameters) -> Result<Axles, LogError> {
         if !finite || speed[k].abs() < LEAST_SPEED.max(p.filter.minimum_speed) {
             continue;
         }
-        let slip = model.slip_angles(&x, &Drive::new(delta, fx));
+        let slip = model.driven(&Drive::new(delta, fx)).slip_angles(&x);
         let load = model.loads(ax, ay);
         let instant = Instant {
             time: log.time[k],
