@@ -52,8 +52,7 @@ fn error(report: &FitReport, parameters: &Parameters, name: &str) -> f64 {
 
 const BOUNDS: [(&str, f64, f64); 6] = [
     ("human.stiffness_pitch", 1.2, 4.0),
-    // The damping is pulled down by noise in the tilt (part of its interval); --refine is less so.
-    ("human.damping_pitch", 6.5, 18.0),
+    ("human.damping_pitch", 6.0, 15.0),
     ("rolling.coefficient", 1.0, 2.0),
     ("robot.drive_efficiency", 0.3, 0.6),
     ("human.stiffness_roll", 2.0, 6.0),

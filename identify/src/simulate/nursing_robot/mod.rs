@@ -15,7 +15,7 @@ use rand_distr::{Distribution, StandardNormal};
 use settings::{Chosen, NoiseSettings, person};
 use std::f64::consts::{PI, TAU};
 use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Parameters};
-use wheelstate::plant::nursing_robot::{Command, NursingRobotPlant, STEP};
+use wheelstate::plant::nursing_robot::{Command, NursingRobotPlant, STEP, SpeedLoop};
 use wheelstate::{Estimator, Variables};
 
 /// The scenarios.
@@ -105,11 +105,15 @@ fn stop_and_go(t: f64) -> f64 {
     if phase < 4.0 { ramp(phase) } else { ramp(6.0 - phase) }
 }
 
-/// Six tones of force around a changing speed, and a slalom.
+/// Speed loop of the identification drive: soft below the sway, so that the tones of force reach the
+/// wheels at their full size instead of being taken back by the loop.
+const SOFT_LOOP: SpeedLoop = SpeedLoop { force_gain: 300.0, moment_gain: 150.0, integral_time: 1.5 };
+
+/// Six tones of force (45 N rms) around a changing speed, and a slalom.
 fn excitation(t: f64) -> Command {
     let tones = [0.35, 0.6, 0.85, 1.1, 1.5, 2.0];
     let force = tones.iter().enumerate().map(|(i, f)| 26.0 * (TAU * f * t + 1.7 * (i * i) as f64).sin()).sum();
-    let speed = (0.85 + 0.25 * (TAU * t / 6.0).sin()) * (t / 2.0).min(1.0);
+    let speed = (0.85 + 0.25 * (TAU * 0.15 * t).sin()) * (t / 2.0).min(1.0);
     let yaw_rate = 0.45 * (TAU * 0.35 * t).sin() + 0.35 * (TAU * 0.8 * t).sin();
     Command::Speed { speed, yaw_rate, force }
 }
@@ -170,6 +174,7 @@ pub fn run(request: &Request) -> Result<Run, SimulateError> {
         "release" => plant.motion.sway[1] = (0.125 + 0.025 * draws[2]).copysign(draws[3]),
         "restless-start" => plant.motion.sway[1] += 0.15f64.copysign(draws[3]),
         "load-drop" => plant.motion.drive[0] = 0.5,
+        "identification" => plant.speed_loop = SOFT_LOOP,
         _ => {}
     }
     let duration = if chosen.settings.plant.duration > 0.0 { chosen.settings.plant.duration } else { plan.duration };
