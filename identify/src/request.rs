@@ -36,4 +36,6 @@ pub struct FitRequest {
     pub loss: Loss,
     /// Refine the regression by output error.
     pub refine: bool,
+    /// Subtract the estimated bias of the regressions (`--correct`).
+    pub correct: bool,
 }

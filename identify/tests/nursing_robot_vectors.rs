@@ -42,6 +42,7 @@ fn signals() -> Signals {
         pitch: table.values("phi_y"),
         pitch_rate: table.values("gyro_y"),
         roll: table.values("phi_x"),
+        turning: Default::default(),
         accel: Vec::new(),
     }
 }

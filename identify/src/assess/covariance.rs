@@ -1,7 +1,7 @@
 //! Covariance of robust regressions, conditioning and the bias of noisy regressors.
 
 use crate::solve::robust::Minimiser;
-use crate::solve::{HUBER_DELTA, Loss, Regression, Solution, dot};
+use crate::solve::{HUBER_DELTA, Loss, Options, Regression, Solution, dot};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
@@ -11,8 +11,10 @@ use std::collections::BTreeMap;
 /// `g` the summed score of a cluster (`psi(r) a`), rows in units of their noise. `W` is the second
 /// derivative of the loss (1 within the Huber threshold, 0 beyond; 1 for least squares and L1). It is
 /// honest about correlation inside a cluster and about unequal noise, and does not know of noise
-/// in the regressors: that is `bias`.
-pub fn of_regression(regression: &Regression, scales: &[f64], loss: Loss, minimiser: Minimiser) -> Solution {
+/// in the regressors or of what the rows neglect: that is `bias`. With noise of energy `N = [N_a N_y]`
+/// in `[A y]` and neglected terms `d` the normal equations hold at `theta + bias`,
+/// `B bias = A'W d - (N_a theta - N_y)` at the true `theta`. With [`Options::correct`] it is subtracted.
+pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options, minimiser: Minimiser) -> Solution {
     let n = regression.unknowns.len();
     let mut information = DMatrix::<f64>::zeros(n, n);
     let mut gram = DMatrix::<f64>::zeros(n, n);
@@ -27,13 +29,16 @@ pub fn of_regression(regression: &Regression, scales: &[f64], loss: Loss, minimi
         for (i, residual) in of_group.iter().enumerate() {
             let row = DVector::from_iterator(n, group.row(i).iter().map(|value| value / scale));
             let r = residual / scale;
-            let (weight, psi) = match loss {
+            let (weight, psi) = match options.loss {
                 Loss::Ls | Loss::L1 => (1.0, r),
                 Loss::Huber => (f64::from(u8::from(r.abs() <= HUBER_DELTA)), r.clamp(-HUBER_DELTA, HUBER_DELTA)),
             };
             gram.ger(1.0, &row, &row, 1.0);
             information.ger(weight, &row, &row, 1.0);
             scores.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)).axpy(psi, &row, 1.0);
+            if let Some(neglected) = group.neglected.get(i) {
+                pull.axpy(weight * neglected / scale, &row, 1.0);
+            }
             quadratic += weight;
         }
         // Noise E in [A y]: the normal equations gain N (E_aa theta - E_ay), which pulls the minimiser.
@@ -63,7 +68,13 @@ pub fn of_regression(regression: &Regression, scales: &[f64], loss: Loss, minimi
             filling[(index, index)] += 1.0 / (std * std);
         }
     }
-    let bias = (&bread * pull).as_slice().to_vec();
+    // The pull was taken at the biased point: B bias = pull + N_a bias. Where noise is all there is
+    // in a direction, only the first step is known.
+    let consistent = match (&information - &noise_energy).cholesky() {
+        Some(factor) => factor.inverse(),
+        None => bread.clone(),
+    };
+    let mut bias = &consistent * pull;
     // What regressor j adds to the others is A d_j with d_j = B^-1 e_j / (B^-1)_jj; its energy is
     // 1 / (B^-1)_jj, of which d_j' N d_j is noise.
     let noise_share: Vec<f64> = (0..n)
@@ -74,19 +85,28 @@ pub fn of_regression(regression: &Regression, scales: &[f64], loss: Loss, minimi
             _ => 1.0,
         })
         .collect();
+    let mut theta = minimiser.theta;
+    let mut gain = &bread;
+    if options.correct {
+        for (index, unknown) in regression.unknowns.iter().enumerate() {
+            theta[index] = (theta[index] - bias[index]).clamp(unknown.lower, unknown.upper);
+        }
+        bias.fill(0.0);
+        gain = &consistent;
+    }
     Solution {
         name: regression.name.clone(),
-        covariance: &bread * filling * &bread,
+        covariance: gain * filling * gain,
         inverse_information: bread,
         condition_number: condition_of_gram(&gram),
         scales: scales.to_vec(),
         residuals,
         noise_share,
-        bias,
+        bias: bias.as_slice().to_vec(),
         rows,
         at_bound: minimiser.at_bound,
         accuracy: minimiser.accuracy,
-        theta: minimiser.theta,
+        theta,
         cost: Vec::new(),
     }
 }

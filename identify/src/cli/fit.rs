@@ -41,6 +41,10 @@ pub(super) struct FitArgs {
     /// Refine the regression by simulating the logs (output error).
     #[arg(long)]
     refine: bool,
+    /// Subtract the bias that is estimated in any case and otherwise only widens the intervals: by sensor
+    /// noise in the regressors and by what the regression neglects.
+    #[arg(long)]
+    correct: bool,
     /// Write the result.
     #[arg(long, value_name = "FIT.json")]
     out: Option<PathBuf>,
@@ -63,6 +67,7 @@ pub(super) fn run(args: &FitArgs) -> Result<Outcome, Refusal> {
         only: args.only.iter().map(|name| name.trim().to_owned()).filter(|name| !name.is_empty()).collect(),
         loss: args.loss,
         refine: args.refine,
+        correct: args.correct,
     };
     let progress = Progress::terminal();
     let logs = read_logs(args.vehicle, &args.logs, &progress)?;

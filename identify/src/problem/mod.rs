@@ -213,7 +213,7 @@ pub fn fit_problem(
     let task =
         Task { logs, known: &known, wanted: &wanted, only: !request.only.is_empty(), refine: request.refine, progress };
     progress.start("fitting", 2);
-    let mut session = Session::new(request.loss, &targets);
+    let mut session = Session::new(request, &targets);
     (problem.estimate)(&task, &mut session)?;
     session.complete(&wanted);
     progress.advance(1);
@@ -255,7 +255,7 @@ fn validate(
     training: &[Log],
     held_out: &[Log],
 ) -> Result<(Validation, Vec<Trace>), FitError> {
-    let mut session = Session::new(request.loss, targets);
+    let mut session = Session::new(request, targets);
     match (problem.estimate)(&Task { logs: training, ..*task }, &mut session) {
         Ok(()) => {}
         Err(FitError::Interrupted(stop)) => return Err(stop.into()),

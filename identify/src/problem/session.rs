@@ -3,6 +3,7 @@
 use super::{FitError, Known, Target};
 use crate::assess::{Evidence, Limits, Verdict, verdict};
 use crate::report::{CorrelationPair, Covariance, FitReport, Parameter, Verdict as Shade};
+use crate::request::FitRequest;
 use crate::solve::{self, Accuracy, Loss, Options, Regression, Smooth, Solution, SolveError};
 use nalgebra::DVector;
 use std::collections::BTreeMap;
@@ -47,9 +48,9 @@ pub struct Session<'a> {
 
 impl<'a> Session<'a> {
     /// An empty session.
-    pub fn new(loss: Loss, targets: &'a [Target]) -> Self {
+    pub fn new(request: &FitRequest, targets: &'a [Target]) -> Self {
         Self {
-            options: Options { loss, ..Options::default() },
+            options: Options { loss: request.loss, correct: request.correct, ..Options::default() },
             targets,
             solutions: Vec::new(),
             estimates: Vec::new(),
@@ -92,6 +93,15 @@ impl<'a> Session<'a> {
     pub fn refine(&mut self, smooth: &Smooth) -> Result<Fitted, FitError> {
         let solution = solve::refine(smooth, self.options.loss)?;
         Ok(self.keep(solution))
+    }
+
+    /// Adds to a solution's covariance what it owes to a fixed parameter: half the way between its answers with
+    /// that parameter one standard deviation smaller and larger (a consider covariance).
+    pub fn consider(&mut self, fit: Fitted, smaller: &Regression, larger: &Regression) -> Result<(), FitError> {
+        let (low, high) = (solve::solve(smaller, &self.options)?, solve::solve(larger, &self.options)?);
+        let shift = DVector::from_fn(low.theta.len(), |i, _| 0.5 * (high.theta[i] - low.theta[i]));
+        self.solutions[fit.0].covariance.ger(1.0, &shift, &shift, 1.0);
+        Ok(())
     }
 
     /// Keeps a solution that was made elsewhere.

@@ -108,6 +108,10 @@ pub struct Rows {
     /// Covariance that sensor noise alone gives `[row, right-hand side]`, `columns + 1` squared
     /// values, or empty if unknown. From it follows the bias that noisy regressors cause.
     pub noise: Vec<f64>,
+    /// What each right-hand side holds that the regressors do not model, as far as it can be estimated:
+    /// `y = A theta + neglected + noise`. As long as `y`, or empty. It is left in `y`; the bias tells
+    /// how far it pulls the unknowns.
+    pub neglected: Vec<f64>,
     /// Where the noise level comes from.
     pub scale: Scale,
 }
@@ -124,6 +128,7 @@ impl Rows {
             cluster: Vec::new(),
             instruments: Vec::new(),
             noise: Vec::new(),
+            neglected: Vec::new(),
             scale: Scale::Robust,
         }
     }
@@ -215,11 +220,13 @@ pub struct Options {
     pub scale_passes: usize,
     /// Up to this many rows Huber and L1 go to Clarabel as the exact conic program.
     pub exact_rows: usize,
+    /// Subtract the estimated bias from the solution.
+    pub correct: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { loss: Loss::Huber, scale_passes: 1, exact_rows: 1000 }
+        Self { loss: Loss::Huber, scale_passes: 1, exact_rows: 1000, correct: false }
     }
 }
 
@@ -286,8 +293,9 @@ pub struct Solution {
     pub theta: Vec<f64>,
     /// Their covariance (sandwich over clusters), see [`assess::covariance`].
     pub covariance: DMatrix<f64>,
-    /// Estimated bias of each unknown by noise in the regressors; zeros where
-    /// [`Rows::noise`] is not given. Not subtracted from `theta`.
+    /// Estimated bias of each unknown: how far noise in the regressors ([`Rows::noise`]) and what the
+    /// rows neglect ([`Rows::neglected`]) pull it. Not subtracted from `theta` unless
+    /// [`Options::correct`] asks for it; then zeros.
     pub bias: Vec<f64>,
     /// Share of sensor noise in what each unknown's regressor adds to the others, 0 to 1: near 1 there
     /// is no signal to learn from. Zeros where [`Rows::noise`] is not given.
@@ -349,7 +357,7 @@ pub fn solve(regression: &Regression, options: &Options) -> Result<Solution, Sol
         }
     }
     let minimum = robust::minimise(regression, &scales, options.loss, options)?;
-    Ok(assess::of_regression(regression, &scales, options.loss, minimum))
+    Ok(assess::of_regression(regression, &scales, options, minimum))
 }
 
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {

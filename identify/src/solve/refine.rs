@@ -170,7 +170,7 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
         })
         .collect();
     let minimiser = robust::Minimiser { theta: vec![0.0; theta.len()], at_bound, accuracy };
-    let mut solution = assess::of_regression(&end, &scales, loss, minimiser);
+    let mut solution = assess::of_regression(&end, &scales, &options, minimiser);
     solution.theta = theta;
     solution.cost = costs;
     Ok(solution)

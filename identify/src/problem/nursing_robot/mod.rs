@@ -10,6 +10,13 @@
 //! | `rolling.coefficient`, `robot.drive_efficiency` | the person's weight as `human.nominal_mass` | weak-form force balance |
 //! | `robot.mass` or `human.nominal_mass`, with `rolling.coefficient` (`--only`) | the other mass, `robot.drive_efficiency` | the same rows with the mass unknown |
 //!
+//! A mass fitted alone (`--only robot.mass`) takes the rolling coefficient as known; its interval considers
+//! that the coefficient may be 20 % off (one standard deviation).
+//!
+//! The pitch and force rows follow the planar equations. Roll while turning adds to them
+//! ([`Windows::turning`](rows::Windows)); with the measured roll, or else that of a passive person, this and the noise in the
+//! regressors make the bias that widens the intervals and that `--correct` subtracts.
+//!
 //! The person's mass, size and swaying share, the robot and the air drag are known parameters. With an
 //! `accel_x` channel the mass fits use the specific force, so slopes cancel (unless
 //! `mass.use_accelerometer` is set to false); a constant accelerometer bias is then part of
@@ -45,6 +52,10 @@ const HUMAN_MASS: &str = "human.nominal_mass";
 
 /// Standard deviation of an accelerometer's constant bias, m/s2: what calibrated sensors keep.
 const ACCELEROMETER_BIAS: f64 = 0.01;
+
+/// Standard deviation of a rolling coefficient that is taken as known, relative: floors and tyres of one
+/// kind differ by 10 to 30 %.
+const ROLLING_ERROR: f64 = 0.2;
 
 fn targets(_: &[Log]) -> Vec<Target> {
     let declared = Vehicle::NursingRobot.parameters();
@@ -96,6 +107,11 @@ pub(super) fn passive(known: &Known) -> Passive {
         rolling: known.get(ROLLING),
         rest: known.get(PITCH[2]),
     }
+}
+
+/// Hip of the roll; rolling resistance is the same.
+pub(super) fn side(known: &Known) -> Passive {
+    Passive { stiffness: known.get(ROLL[0]), damping: known.get(ROLL[1]), rest: known.get(ROLL[2]), ..passive(known) }
 }
 
 fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
@@ -301,26 +317,11 @@ fn mass(task: &Task, logs: &[Windowed], body: &Body, session: &mut Session) -> R
     all.noise = noise::drive(logs, body, unknowns, accelerometer);
     let sought = vec![Unknown::within("f M", 0.0, f64::INFINITY), Unknown::within("m", 0.0, 1e5)];
     let parameters = [name, ROLLING];
-    let fixed = task.known.get(ROLLING);
-    let fit = if task.wants(ROLLING) {
-        session.solve(&regression("force balance", sought, all), &parameters)?
-    } else {
-        // Rolling coefficient known: f M = f (m + other).
-        let mut single = Rows::new("force balance", "N.s", 1);
-        for i in 0..all.len() {
-            let (row, known) = (all.row(i), fixed * other);
-            single.push(&[row[1] + fixed * row[0]], all.y[i] - known * row[0], all.cluster[i]);
-        }
-        session.solve(&regression("force balance", vec![Unknown::within("m", 0.0, 1e5)], single), &parameters)?
-    };
-    let Some(fit) = fit else { return Ok(()) };
     if !task.wants(ROLLING) {
-        session.estimate(name, fit, |x| x[0]);
-        session.note(format!(
-            "{ROLLING} = {fixed} was taken as known; the interval of {name} does not allow for its error"
-        ));
-        return Ok(());
+        return mass_alone(name, other, &all, task.known.get(ROLLING), session);
     }
+    let fit = session.solve(&regression("force balance", sought, all), &parameters)?;
+    let Some(fit) = fit else { return Ok(()) };
     session.estimate(name, fit, |x| x[1]);
     let systematic_std = if accelerometer { ACCELEROMETER_BIAS / GRAVITY } else { 0.0 };
     let judgement = Judgement { systematic_std, ..Judgement::default() };
@@ -331,6 +332,39 @@ fn mass(task: &Task, logs: &[Windowed], body: &Body, session: &mut Session) -> R
              {ROLLING} (its interval allows for {ACCELEROMETER_BIAS} m/s2)"
         ));
     }
+    Ok(())
+}
+
+/// `m` with the rolling coefficient known, whose error is considered in the interval without being estimated.
+fn mass_alone(name: &str, other: f64, all: &Rows, rolling: f64, session: &mut Session) -> Result<(), FitError> {
+    // f M = f (m + other): [f M, m | y] becomes [m | y - f other f-regressor].
+    let single = |f: f64| {
+        let mut rows = Rows::new("force balance", "N.s", 1);
+        for i in 0..all.len() {
+            let row = all.row(i);
+            rows.push(&[row[1] + f * row[0]], all.y[i] - f * other * row[0], all.cluster[i]);
+        }
+        rows.neglected.clone_from(&all.neglected);
+        let into = [[f, 1.0, 0.0], [-f * other, 0.0, 1.0]];
+        if let Ok(noise) = <&[f64; 9]>::try_from(all.noise.as_slice()) {
+            let entry = |a: &[f64; 3], b: &[f64; 3]| -> f64 { (0..9).map(|k| a[k / 3] * noise[k] * b[k % 3]).sum() };
+            rows.noise = vec![
+                entry(&into[0], &into[0]),
+                entry(&into[0], &into[1]),
+                entry(&into[1], &into[0]),
+                entry(&into[1], &into[1]),
+            ];
+        }
+        regression("force balance", vec![Unknown::within("m", 0.0, 1e5)], rows)
+    };
+    let Some(fit) = session.solve(&single(rolling), &[name])? else { return Ok(()) };
+    let std = ROLLING_ERROR * rolling;
+    session.consider(fit, &single(rolling - std), &single(rolling + std))?;
+    session.estimate(name, fit, |x| x[0]);
+    session.note(format!(
+        "{ROLLING} = {rolling} was taken as known; the interval of {name} allows for an error of {std:.2e} in it \
+         (one standard deviation)"
+    ));
     Ok(())
 }
 

@@ -74,6 +74,8 @@ pub struct Signals {
     pub pitch_rate: Vec<f64>,
     /// Roll, rad.
     pub roll: Vec<f64>,
+    /// `w sin phi_x` and `w phi_x'` while turning, rad/s and rad/s2; empty where they are not known.
+    pub turning: [Vec<f64>; 2],
     /// Longitudinal specific force, m/s2.
     pub accel: Vec<f64>,
 }
@@ -118,6 +120,14 @@ impl Windows<'_> {
         self.signals.start + self.signals.period * (start as f64 + 0.5 * (self.bump.len() - 1) as f64)
     }
 
+    /// `int psi (d(w sin phi_x)/dt + w phi_x')` of the window that starts at a sample: to leading order what a
+    /// body that leans aside while the robot turns adds to the planar equations, times `b` in the
+    /// longitudinal and times `J` in the pitch equation (Yang et al. leave it out). 0 where unknown.
+    fn turning(&self, start: usize) -> f64 {
+        let [lean, rate] = &self.signals.turning;
+        if lean.is_empty() { 0.0 } else { self.int(0, start, |i| rate[i]) - self.int(1, start, |i| lean[i]) }
+    }
+
     fn int(&self, order: usize, start: usize, x: impl Fn(usize) -> f64) -> f64 {
         self.bump.integral(order, start, x)
     }
@@ -127,14 +137,17 @@ impl Windows<'_> {
 pub const OVERLAP: usize = 12;
 
 /// Appends one row per window, computed in parallel and kept in order; each log counts its own clusters.
-fn fill(rows: &mut Rows, windows: &Windows, row: impl Fn(usize) -> (Vec<f64>, f64) + Send + Sync) {
+/// `neglected` times [`Windows::turning`] is what the right-hand sides hold beyond the planar equations.
+fn fill(rows: &mut Rows, windows: &Windows, neglected: f64, row: impl Fn(usize) -> JointRow + Send + Sync) {
     let first_cluster = rows.cluster.last().map_or(0, |last| last + 1);
     let before = rows.len();
     let starts: Vec<usize> = windows.starts().collect();
-    let made: Vec<_> = starts.into_par_iter().map(row).collect();
-    for (a, y) in made {
+    let made: Vec<_> = starts.into_par_iter().map(|at| (row(at), neglected * windows.turning(at))).collect();
+    for ((a, y), neglected) in made {
         let cluster = first_cluster + ((rows.len() - before) / windows.cluster) as u32;
-        rows.push(&a, y, cluster);
+        if rows.push(&a, y, cluster) {
+            rows.neglected.push(if neglected.is_finite() { neglected } else { 0.0 });
+        }
     }
 }
 
@@ -174,12 +187,12 @@ pub fn roll_row(windows: &Windows, body: &Body, at: usize) -> JointRow {
 
 /// Appends the pitch rows of all windows.
 pub fn pitch(rows: &mut Rows, windows: &Windows, body: &Body) {
-    fill(rows, windows, |at| pitch_row(windows, body, at));
+    fill(rows, windows, body.j, |at| pitch_row(windows, body, at));
 }
 
 /// Appends the roll rows of all windows.
 pub fn roll(rows: &mut Rows, windows: &Windows, body: &Body) {
-    fill(rows, windows, |at| roll_row(windows, body, at));
+    fill(rows, windows, 0.0, |at| roll_row(windows, body, at));
 }
 
 /// The integrals that the longitudinal rows are made of.
@@ -245,7 +258,7 @@ impl Drive {
 
 /// Longitudinal rows, N.s.
 pub fn drive(rows: &mut Rows, windows: &Windows, body: &Body, unknowns: Drive, accelerometer: bool) {
-    fill(rows, windows, |at| {
+    fill(rows, windows, body.b, |at| {
         let l = longitudinal(windows, body, accelerometer, at);
         let resist = l.drag + body.rotating_mass * l.speed_rate;
         let sway = body.human_mass * l.sway;
@@ -271,7 +284,7 @@ pub fn blind(rows: &mut Rows, windows: &Windows, body: &Body) {
     let mt = body.effective_mass();
     let d = body.j * mt - body.b * body.b;
     let slow = 3.0 * body.smoothing_speed;
-    fill(rows, windows, |at| {
+    fill(rows, windows, 0.0, |at| {
         let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
         if !(at..at + windows.bump.len()).all(|i| s.speed[i] > slow) {
             return (vec![f64::NAN; 3], f64::NAN);

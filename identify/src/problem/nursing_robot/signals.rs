@@ -1,6 +1,7 @@
 //! From logs and known parameters to signals on a uniform time base.
 
 use super::rows::{self, Body, Signals};
+use super::sway::roll_from_turning;
 use crate::log::Log;
 use crate::problem::{FitError, Known};
 
@@ -51,7 +52,7 @@ pub fn signals(log: &Log, known: &Known) -> Result<Signals, FitError> {
     } else {
         present("tilt_rate").unwrap_or_else(|| rows::slope(&pitch, period))
     };
-    Ok(Signals {
+    let mut signals = Signals {
         period,
         start: log.time.first().copied().unwrap_or(0.0),
         force: left.iter().zip(&right).map(|(l, r)| (l + r) / radius).collect(),
@@ -60,6 +61,33 @@ pub fn signals(log: &Log, known: &Known) -> Result<Signals, FitError> {
         pitch,
         pitch_rate,
         roll: present("roll").unwrap_or_default(),
+        turning: Default::default(),
         accel: present("accel_x").unwrap_or_default(),
-    })
+    };
+    let body = body(known);
+    if body.j > 0.0 && signals.yaw_rate.iter().any(|w| *w != 0.0) {
+        let rate = (!signals.roll.is_empty())
+            .then(|| present("roll_rate").unwrap_or_else(|| rows::slope(&signals.roll, period)));
+        signals.turning = turning(&signals, rate, &body, known);
+    }
+    Ok(signals)
+}
+
+/// `w sin phi_x` and `w phi_x'`, from the measured roll or else from a passive person with the known
+/// stiffness and damping.
+fn turning(signals: &Signals, roll_rate: Option<Vec<f64>>, body: &Body, known: &Known) -> [Vec<f64>; 2] {
+    let product = |roll: &[f64], rate: &[f64]| {
+        let w = &signals.yaw_rate;
+        [
+            w.iter().zip(roll).map(|(w, roll)| w * roll.sin()).collect(),
+            w.iter().zip(rate).map(|(w, rate)| w * rate).collect(),
+        ]
+    };
+    match roll_rate {
+        Some(rate) => product(&signals.roll, &rate),
+        None => {
+            let (roll, rate) = roll_from_turning(signals, body, super::side(known));
+            product(&roll, &rate)
+        }
+    }
 }

@@ -73,30 +73,39 @@ pub fn simulate(
 /// `J phi'' + c phi' + (k - b g) (phi - rest') = -b v'` with the acceleration held between samples.
 /// Missing speeds count as unaccelerated.
 pub fn pitch_from_speed(signals: &Signals, body: &Body, passive: &Passive) -> Vec<f64> {
+    let v = &signals.speed;
+    swing(signals, body, passive, |i| v[i - 1] - v[i]).0
+}
+
+/// Roll and roll rate of a person without roll sensor, from the measured speed and yaw rate: the linear
+/// response `J phi'' + c phi' + (k - b g) (phi - rest') = b w v`. Missing samples count as straight drive.
+pub fn roll_from_turning(signals: &Signals, body: &Body, passive: Passive) -> (Vec<f64>, Vec<f64>) {
+    swing(signals, body, &passive, |i| signals.yaw_rate[i] * signals.speed[i] * signals.period)
+}
+
+/// Angle and rate of a passive upper body whose seat gains the speed `-kick(i)` over the step to sample `i`.
+fn swing(signals: &Signals, body: &Body, passive: &Passive, kick: impl Fn(usize) -> f64) -> (Vec<f64>, Vec<f64>) {
     let h = signals.period;
+    let n = signals.len();
     let spring = passive.stiffness - body.b * GRAVITY;
+    let (mut angle, mut rate) = (vec![0.0; n], vec![0.0; n]);
     if body.j == 0.0 || spring <= 0.0 {
-        return vec![0.0; signals.len()];
+        return (angle, rate);
     }
+    let substeps = (h * (spring / body.j).sqrt() / 0.1).ceil().max(1.0);
+    let dt = h / substeps;
     let (mut phi, mut phi_dot) = (0.0, 0.0);
-    let mut pitch = Vec::with_capacity(signals.len());
-    for (i, v) in signals.speed.iter().enumerate() {
-        if i > 0 {
-            let accel = (v - signals.speed[i - 1]) / h;
-            let accel = if accel.is_nan() { 0.0 } else { accel };
-            // The speed step acts as an impulse on the rate; the rest is a free, damped swing.
-            phi_dot -= body.b / body.j * accel * h;
-            let substeps = (h * (spring / body.j).sqrt() / 0.1).ceil().max(1.0);
-            let dt = h / substeps;
-            for _ in 0..substeps as usize {
-                let swing = -(passive.damping * phi_dot + spring * phi) / body.j;
-                phi_dot += dt * swing;
-                phi += dt * phi_dot;
-            }
+    for i in 1..n {
+        let kick = kick(i);
+        // The gain of speed acts as an impulse on the rate; the rest is a free, damped swing.
+        phi_dot += body.b / body.j * if kick.is_nan() { 0.0 } else { kick };
+        for _ in 0..substeps as usize {
+            phi_dot -= dt * (passive.damping * phi_dot + spring * phi) / body.j;
+            phi += dt * phi_dot;
         }
-        pitch.push(phi);
+        (angle[i], rate[i]) = (phi, phi_dot);
     }
-    pitch
+    (angle, rate)
 }
 
 /// Ranges of samples that can be simulated: no missing force, speed or yaw rate, at least `shortest`

@@ -20,14 +20,7 @@ pub(super) fn validate(task: &Task) -> Vec<Prediction> {
             all.extend(simulated_pitch(&source.source, log, &body, &hip));
         }
         if !log.signals.roll.is_empty() && body.j > 0.0 && !task.wanted_of(&super::ROLL).is_empty() {
-            let get = |name: &str| task.known.get(name);
-            let side = Passive {
-                stiffness: get(super::ROLL[0]),
-                damping: get(super::ROLL[1]),
-                rest: get(super::ROLL[2]),
-                ..hip
-            };
-            all.extend(moment("roll moment", &source.source, log, &body, &side, rows::roll_row));
+            all.extend(moment("roll moment", &source.source, log, &body, &super::side(task.known), rows::roll_row));
         }
         if !measured_pitch && body.j > 0.0 {
             log.signals.pitch = sway::pitch_from_speed(&log.signals, &body, &hip);
