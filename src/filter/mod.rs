@@ -11,6 +11,7 @@ pub mod savitzky_golay;
 pub mod sigma_points;
 pub mod sliding_mode;
 pub mod sparse_ldl;
+pub mod sparse_rows;
 pub mod square_root;
 pub mod srckf;
 pub mod srukf;

@@ -7,7 +7,7 @@
 //! `Cov(E) = R_EE^-1 R_EE^-T + G Cov(S) G'`, and `Cov(S)` is a part of the covariance of the front
 //! above. Slower than the sparse factor and indifferent to how stiff the problem is.
 
-use super::map::{Numbers, Pattern};
+use super::sparse_rows::{Numbers, Pattern};
 
 /// A front whose own unknowns are not determined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
