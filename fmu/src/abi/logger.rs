@@ -1,16 +1,11 @@
 //! Messages to the host.
 
 use super::boundary::{Callbacks, DISCARD, ERROR, FATAL, LoggerCallback, OK, Status};
+use crate::describe::CATEGORIES;
 use crate::instance::{Level, Refusal};
 use std::ffi::{CStr, CString, c_void};
 
-/// The log categories with their meaning, as declared in the XML.
-pub const CATEGORIES: [(&CStr, &str); 4] = [
-    (c"logStatusError", "A call was refused; nothing was changed. Reported by default."),
-    (c"logStatusFatal", "An internal error; the instance is lost. Reported by default."),
-    (c"logStatusDiscard", "A legal request that has no answer in this FMU. Reported by default."),
-    (c"logEvents", "Initialisation, reset and restored states. Reported if logging is on."),
-];
+/// Place of `logEvents` among the categories.
 const EVENTS: usize = 3;
 
 /// Sends messages of the wanted categories. On the success path nothing is sent unless the host

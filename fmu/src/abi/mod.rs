@@ -15,7 +15,6 @@ use crate::model::{Catalogue, Type, models};
 use crate::phase::Call;
 pub use boundary::{Boolean, Callbacks, Component, DISCARD, ERROR, FATAL, LoggerCallback, OK, State, Status, WARNING};
 use boundary::{enter, guarded, list, place, release, retake, room, text};
-pub use logger::CATEGORIES;
 use logger::Logger;
 use std::ffi::{CStr, c_char, c_int, c_uint};
 

@@ -10,12 +10,20 @@ pub mod resources;
 pub mod schema;
 pub mod units;
 
-use crate::abi::CATEGORIES;
 use crate::model::{Model, Place};
 use std::collections::BTreeSet;
+use std::ffi::CStr;
 use std::fmt::Write as _;
 use wheelstate::variable::Kind;
 use wheelstate::{Status, Variable};
+
+/// The log categories with their meaning.
+pub const CATEGORIES: [(&CStr, &str); 4] = [
+    (c"logStatusError", "A call was refused; nothing was changed. Reported by default."),
+    (c"logStatusFatal", "An internal error; the instance is lost. Reported by default."),
+    (c"logStatusDiscard", "A legal request that has no answer in this FMU. Reported by default."),
+    (c"logEvents", "Initialisation, reset and restored states. Reported if logging is on."),
+];
 
 /// Variables of one causality, which is named, and how they are referred to.
 type Group<'a> = (&'a [Variable], &'static str, fn(usize) -> Place);
