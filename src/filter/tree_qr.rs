@@ -29,6 +29,10 @@ struct Front {
     in_above: Vec<u32>,
     /// Height of the dense front before elimination.
     height: usize,
+    /// Where each gathered row stands: rows are sorted by the first unknown that they touch.
+    place: Vec<u32>,
+    /// Per column the number of rows that begin there or before: further down all entries are zero.
+    ends: Vec<u32>,
 }
 
 impl Front {
@@ -97,12 +101,24 @@ impl TreeQr {
             let unknowns = own.into_iter().chain(separator).collect();
             let rows = std::mem::take(&mut rows[f]);
             let below = below[f].clone();
-            fronts.push(Front { unknowns, eliminated, rows, below, above, in_above: vec![], height });
+            let (place, ends) = (vec![], vec![]);
+            fronts.push(Front { unknowns, eliminated, rows, below, above, in_above: vec![], height, place, ends });
         }
         for f in 0..count {
             let Some(above) = fronts[f].above else { continue };
             let find = |u: &u32| fronts[above].unknowns.iter().position(|other| other == u).unwrap_or(0) as u32;
             fronts[f].in_above = fronts[f].unknowns[fronts[f].eliminated..].iter().map(find).collect();
+        }
+        for f in 0..count {
+            let first = first_columns(&fronts, f, pattern);
+            let mut order: Vec<usize> = (0..first.len()).collect();
+            order.sort_by_key(|&row| first[row]);
+            fronts[f].place = vec![0; order.len()];
+            for (place, row) in order.into_iter().enumerate() {
+                fronts[f].place[row] = place as u32;
+            }
+            let begun = |column: usize| first.iter().filter(|&&other| other <= column).count() as u32;
+            fronts[f].ends = (0..fronts[f].width()).map(begun).collect();
         }
         let largest = |size: fn(&Front) -> usize| fronts.iter().map(size).max().unwrap_or(0);
         Self {
@@ -133,8 +149,8 @@ impl TreeQr {
         for f in 0..self.fronts.len() {
             let (height, width) = self.collect(f, numbers);
             // columns are contiguous: entry (i, j) at j * height + i
-            householder(&mut self.dense, height, width, self.fronts[f].width());
             let front = &self.fronts[f];
+            householder(&mut self.dense, height, width, &front.ends);
             let (e, s) = (front.eliminated, front.separator());
             let at = |i: usize, j: usize| if i < height { self.dense[j * height + i] } else { 0.0 };
             for i in 0..e {
@@ -175,33 +191,31 @@ impl TreeQr {
         for (k, &u) in front.unknowns.iter().enumerate() {
             self.local[u as usize] = k as u32;
         }
-        let mut i = 0;
+        let mut places = front.place.iter().map(|&place| place as usize);
         for &r in &front.rows {
+            let Some(i) = places.next() else { break };
             let r = r as usize;
             let root = numbers.weight[r].sqrt();
             for entry in self.start[r]..self.start[r + 1] {
                 dense[self.local[self.column[entry] as usize] as usize * height + i] = root * numbers.value[entry];
             }
             dense[(width - 1) * height + i] = root * numbers.right[r];
-            i += 1;
         }
         for &b in &front.below {
             let s = self.fronts[b].separator();
-            for k in 0..s {
+            for (k, i) in (0..s).zip(&mut places) {
                 let row = &self.message[b][k * (s + 1)..(k + 1) * (s + 1)];
                 for (value, &to) in row.iter().zip(&self.fronts[b].in_above) {
                     dense[to as usize * height + i] = *value;
                 }
                 dense[(width - 1) * height + i] = row[s];
-                i += 1;
             }
         }
-        for k in 0..front.eliminated {
+        for (k, i) in (0..front.eliminated).zip(places) {
             let u = front.unknowns[k] as usize;
             let root = numbers.precision[u].sqrt();
             dense[k * height + i] = root;
             dense[(width - 1) * height + i] = root * numbers.mean[u];
-            i += 1;
         }
         (height, width)
     }
@@ -218,20 +232,20 @@ impl TreeQr {
             let (e, s, w) = (front.eliminated, front.separator(), front.width());
             let mut own = std::mem::take(&mut self.covariance[f]);
             let (inverse, gain) = self.gain.split_at_mut(e * e);
-            // R_EE^-1 and G = -R_EE^-1 R_ES
-            let r = |i: usize, j: usize| self.triangle[f][i * (w + 1) + j];
-            for j in 0..e {
-                for i in (0..=j).rev() {
-                    let mut sum = f64::from(u8::from(i == j));
-                    for k in i + 1..=j {
-                        sum -= r(i, k) * inverse[k * e + j];
-                    }
-                    inverse[i * e + j] = sum / r(i, i);
+            // R_EE^-1 and G = -R_EE^-1 R_ES, row by row from below; many entries of R are zero
+            for i in (0..e).rev() {
+                let row = &self.triangle[f][i * (w + 1)..(i + 1) * (w + 1)];
+                let (upper, solved) = inverse[i * e..].split_at_mut(e);
+                upper.fill(0.0);
+                upper[i] = 1.0;
+                for k in (i + 1..e).filter(|&k| row[k] != 0.0) {
+                    add(&mut upper[k..], -row[k], &solved[(k - i - 1) * e + k..(k - i) * e]);
                 }
-            }
-            for i in 0..e {
-                for j in 0..s {
-                    gain[i * s + j] = -(i..e).map(|k| inverse[i * e + k] * r(k, e + j)).sum::<f64>();
+                upper[i..].iter_mut().for_each(|value| *value /= row[i]);
+                let gain = &mut gain[i * s..(i + 1) * s];
+                gain.fill(0.0);
+                for k in (i..e).filter(|&k| upper[k] != 0.0) {
+                    add(gain, -upper[k], &self.triangle[f][k * (w + 1) + e..k * (w + 1) + w]);
                 }
             }
             if let Some(above) = front.above {
@@ -243,17 +257,21 @@ impl TreeQr {
                     }
                 }
             }
+            let (upper, lower) = own.split_at_mut(e * w);
             for i in 0..e {
-                for j in 0..s {
-                    let sum = (0..s).map(|k| gain[i * s + k] * own[(e + k) * w + e + j]).sum::<f64>();
-                    own[i * w + e + j] = sum;
-                    own[(e + j) * w + i] = sum;
+                let row = &mut upper[i * w + e..(i + 1) * w];
+                row.fill(0.0);
+                for k in 0..s {
+                    add(row, gain[i * s + k], &lower[k * w + e..(k + 1) * w]);
+                }
+                for (j, value) in row.iter().enumerate() {
+                    lower[j * w + i] = *value;
                 }
             }
             for i in 0..e {
                 for j in 0..=i {
-                    let from_own = (i..e).map(|k| inverse[i * e + k] * inverse[j * e + k]).sum::<f64>();
-                    let from_above = (0..s).map(|k| own[i * w + e + k] * gain[j * s + k]).sum::<f64>();
+                    let from_own = product(&inverse[i * e + i..(i + 1) * e], &inverse[j * e + i..(j + 1) * e]);
+                    let from_above = product(&own[i * w + e..(i + 1) * w], &gain[j * s..(j + 1) * s]);
                     own[i * w + j] = from_own + from_above;
                     own[j * w + i] = from_own + from_above;
                 }
@@ -264,11 +282,29 @@ impl TreeQr {
     }
 }
 
-/// Triangularises the first `pivots` columns of a dense matrix with contiguous columns.
-fn householder(dense: &mut [f64], height: usize, width: usize, pivots: usize) {
-    for k in 0..pivots.min(height) {
+/// For every row that a front gathers, in the order of gathering, the first column that it touches.
+fn first_columns(fronts: &[Front], f: usize, pattern: &Pattern) -> Vec<usize> {
+    let front = &fronts[f];
+    let local = |unknown: &u32| front.unknowns.iter().position(|other| other == unknown).unwrap_or(0);
+    let rows = front.rows.iter().map(|&r| {
+        let entries = pattern.start[r as usize]..pattern.start[r as usize + 1];
+        pattern.column[entries].iter().map(local).min().unwrap_or(0)
+    });
+    // row k of a message begins at the k-th unknown of its separator
+    let messages = front.below.iter().flat_map(|&b| {
+        let to = &fronts[b].in_above;
+        (0..to.len()).map(|k| to[k..].iter().min().map_or(0, |&column| column as usize))
+    });
+    rows.chain(messages).chain(0..front.eliminated).collect()
+}
+
+/// Triangularises a dense matrix with contiguous columns, of which column `k` is zero from row
+/// `ends[k]` on; `ends` ascends.
+fn householder(dense: &mut [f64], height: usize, width: usize, ends: &[u32]) {
+    for (k, &end) in ends.iter().enumerate().take(height) {
+        let end = (end as usize).max(k + 1);
         let (head, tail) = dense[..height * width].split_at_mut((k + 1) * height);
-        let v = &mut head[k * height + k..];
+        let v = &mut head[k * height + k..k * height + end];
         let largest = v.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         if largest == 0.0 {
             continue;
@@ -279,9 +315,8 @@ fn householder(dense: &mut [f64], height: usize, width: usize, pivots: usize) {
         let scale = v[0] * alpha; // -|v|^2 / 2
         if scale != 0.0 {
             for column in tail.chunks_exact_mut(height) {
-                let column = &mut column[k..];
-                let dot: f64 = v.iter().zip(column.iter()).map(|(a, b)| a * b).sum();
-                let factor = dot / scale;
+                let column = &mut column[k..end];
+                let factor = product(v, column) / scale;
                 for (c, a) in column.iter_mut().zip(v.iter()) {
                     *c += factor * a;
                 }
@@ -290,4 +325,24 @@ fn householder(dense: &mut [f64], height: usize, width: usize, pivots: usize) {
         v[0] = alpha;
         v[1..].fill(0.0);
     }
+}
+
+/// `to += factor * from`.
+fn add(to: &mut [f64], factor: f64, from: &[f64]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to += factor * from;
+    }
+}
+
+/// Scalar product in four independent sums, which do not wait for each other.
+fn product(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 4];
+    let (a, b) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a.zip(b) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += a * b;
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
