@@ -2,41 +2,22 @@
 
 #[path = "human/cases.rs"]
 mod cases;
+#[path = "support/counting.rs"]
+mod counting;
 mod support;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use counting::allocations;
 use wheelstate::Estimator;
 use wheelstate::estimator::human_dynamics::whole_body::Posture;
 use wheelstate::estimator::human_dynamics::{HumanDynamics, Inputs, Outputs, Parameters};
 
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// Safety: forwards everything to the system's allocator and counts.
-#[allow(unsafe_code)]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-// One test only: a second one would allocate in its own thread meanwhile.
 #[test]
 fn steps_do_not_allocate() {
     // stiff and missing cases go through the orthogonal method too
     for name in ["human48_LeftFoot_fixed_L3", "seated12_moving_missing", "seated12_moving_stiff", "chain3_fixed_L1"] {
         let mut case = cases::case(name);
         let all = case.samples.clone();
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = allocations();
         for k in 0..50 {
             case.q[0] += 0.01;
             case.samples[k % all.len()] = if k % 3 == 0 { f64::NAN } else { f64::INFINITY };
@@ -45,7 +26,7 @@ fn steps_do_not_allocate() {
             let _ = case.body.innovations(|_| true);
             case.samples[k % all.len()] = all[k % all.len()];
         }
-        assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), before, "{name}");
+        assert_eq!(allocations(), before, "{name}");
     }
     for differentiate in [false, true] {
         let mut parameters = Parameters { differentiate, ..Parameters::default() };
@@ -53,7 +34,7 @@ fn steps_do_not_allocate() {
         let mut estimator = HumanDynamics::new(&parameters).unwrap();
         let mut saved = estimator.state().clone();
         let mut outputs = Outputs::default();
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = allocations();
         for k in 0..60 {
             let mut inputs = Inputs::default();
             inputs.q[1] = 0.1 * (0.1 * f64::from(k)).sin();
@@ -71,6 +52,6 @@ fn steps_do_not_allocate() {
             }
         }
         estimator.restore(&saved).unwrap();
-        assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), before, "differentiate {differentiate}");
+        assert_eq!(allocations(), before, "differentiate {differentiate}");
     }
 }

@@ -1,39 +1,15 @@
 //! `fmi2DoStep` allocates nothing; an instance is small.
 #![allow(unsafe_code)]
 
+#[path = "../../tests/support/counting.rs"]
+mod counting;
 mod support;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+use counting::{allocations, held_bytes};
 use support::Lag;
 use wheelstate::variable::Kind;
 use wheelstate_fmu::instance::Instance;
 use wheelstate_fmu::model::{Model, Place, Type, models};
-
-struct Counting;
-
-thread_local! {
-    static CALLS: Cell<usize> = const { Cell::new(0) };
-    static BYTES: Cell<isize> = const { Cell::new(0) };
-}
-
-// SAFETY: everything is handed to the system's allocator; counting allocates nothing.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        CALLS.set(CALLS.get() + 1);
-        BYTES.set(BYTES.get() + layout.size() as isize);
-        // SAFETY: the caller's layout is passed on.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        BYTES.set(BYTES.get() - layout.size() as isize);
-        // SAFETY: the caller's block and layout are passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 fn all() -> Vec<Model> {
     let mut list = models(&|_| true);
@@ -60,7 +36,7 @@ fn a_running_instance_allocates_nothing() {
         instance.exit_initialization().unwrap();
         let mut t = 3.0;
         for k in 0..300 {
-            let before = CALLS.get();
+            let before = allocations();
             let input = |i: usize| {
                 if measured[i] && (k + i).is_multiple_of(11) { f64::NAN } else { (0.1 * k as f64 + i as f64).sin() }
             };
@@ -69,7 +45,7 @@ fn a_running_instance_allocates_nothing() {
             instance.do_step(t, size).unwrap();
             instance.get(Type::Real, &outputs, |i, value| values[i] = value).unwrap();
             t += size;
-            assert_eq!(CALLS.get(), before, "{name}, step {k}");
+            assert_eq!(allocations(), before, "{name}, step {k}");
             assert!(values.iter().all(|value| value.is_finite()), "{name}, step {k}: {values:?}");
         }
     }
@@ -78,12 +54,12 @@ fn a_running_instance_allocates_nothing() {
 #[test]
 fn an_instance_takes_well_under_a_megabyte() {
     for model in models(&|_| true) {
-        let before = BYTES.get();
+        let before = held_bytes();
         let name = model.name;
         let mut instance = Instance::new(model.clone(), "guid");
         instance.enter_initialization();
         instance.exit_initialization().unwrap();
-        let bytes = BYTES.get() - before;
+        let bytes = held_bytes() - before;
         println!("{name}: {bytes} bytes");
         // the whole body's sparse factorisation is the one large thing
         let bound = if name == "HumanDynamics" { 1_000_000 } else { 100_000 };
