@@ -20,6 +20,9 @@ pub enum Level {
     Fatal,
 }
 
+/// Samples of one step beyond which its size is surely a mistake and the host would seem to hang.
+const MOST_SAMPLES: f64 = 1e9;
+
 /// A call that was refused, with the reason for the host's log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refusal {
@@ -411,6 +414,10 @@ impl Instance {
         let now = self.core.clock.now();
         if !(size > 0.0 && size.is_finite()) {
             return Err(Refusal::error(format!("communicationStepSize = {size} s must be positive and finite")));
+        }
+        if size > MOST_SAMPLES * self.period {
+            let text = format!("communicationStepSize = {size} s would take more than {MOST_SAMPLES:e} samples");
+            return Err(Refusal::error(text));
         }
         if point == now && self.core.stop.is_none() {
             return Ok(());
