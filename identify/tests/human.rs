@@ -1,6 +1,5 @@
 //! The human body from end to end: simulated logs, estimates over them, passive joints fitted.
 
-use std::path::Path;
 use wheelstate_identify::estimate;
 use wheelstate_identify::log::Log;
 use wheelstate_identify::problem;
@@ -244,7 +243,8 @@ fn seated_torques_and_their_spread() {
     assert!(last[19] < 2.0 && last[21] < 2.0 && last[1] < 1.0 && last[8] < 0.6, "{last:?}");
 }
 
-fn refusal(toml: &str, log: &str) -> String {
+/// `identify estimate` over the two links: exit code, what it printed, and the result if there is one.
+fn run(toml: &str, log: &str) -> (i32, String, Option<String>) {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let urdf = include_str!("../../tests/human/two_link.urdf");
@@ -263,13 +263,16 @@ fn refusal(toml: &str, log: &str) -> String {
         .arg(path("out.csv"))
         .output()
         .unwrap();
-    let code = output.status.code().unwrap();
-    if code == 0 {
-        return std::fs::read_to_string(path("out.csv")).unwrap();
-    }
-    assert_eq!(code, 2);
-    assert!(!Path::exists(&path("out.csv")), "nothing is left behind");
-    String::from_utf8(output.stderr).unwrap()
+    let printed = [output.stdout, output.stderr].concat();
+    let result = std::fs::read_to_string(path("out.csv")).ok();
+    (output.status.code().unwrap(), String::from_utf8(printed).unwrap(), result)
+}
+
+/// What a refused estimation says.
+fn refusal(toml: &str, log: &str) -> String {
+    let (code, printed, result) = run(toml, log);
+    assert_eq!((code, result), (2, None), "{printed}");
+    printed
 }
 
 const HEAD: &str = "base = \"foot\"\nvariant = \"fixed\"\ngravity = [0, 0, -9.81]\n";
@@ -283,7 +286,9 @@ fn with(sensor: &str) -> String {
 fn estimate_on_the_command_line() {
     let sensor = "type = \"joint_acceleration\"\njoint = \"ankle\"\nvariance = 1e-6\ncolumns = [\"qdd_ankle\"]\n\
                   \n[[sensor]]\ntype = \"net_ext_wrench\"\nlink = \"head\"\nvariance = 1e-6\nvalue = 0.0";
-    let result = refusal(&with(sensor), LOG);
+    let (code, _, result) = run(&with(sensor), LOG);
+    let result = result.unwrap();
+    assert_eq!(code, 0);
     let mut lines = result.lines();
     assert!(lines.next().unwrap().starts_with("time,tau_ankle,tau_ankle_std"));
     let row: Vec<f64> = lines.next().unwrap().split(',').map(|c| c.parse().unwrap()).collect();
@@ -292,6 +297,36 @@ fn estimate_on_the_command_line() {
     assert!((row[1] - expected).abs() < 0.05, "{} {expected}", row[1]);
     assert_eq!(result.lines().count(), 4);
     assert!(result.lines().nth(3).unwrap().contains("nan"), "a posture that is missing has no estimate");
+}
+
+/// A gyroscope behind the fixed neck, turned by a right angle about z: its x axis is the ankle's.
+#[test]
+fn a_gyroscope_is_held_against_the_rates_of_the_joints() {
+    let sensor = with(
+        "type = \"gyroscope\"\nlink = \"head\"\nrpy = [0, 0, 1.5707963267948966]\n\
+                       variance = 1e-4\ncolumns = [\"w_x\", \"w_y\", \"w_z\"]",
+    );
+    let head = "time,q_ankle,qd_ankle,w_x,w_y,w_z\n";
+    let (code, printed, result) =
+        run(&sensor, &format!("{head}0,0.3,0.5,0.52,-0.01,nan\n0.01,0.3,-1,-1,0,0.005\n0.02,nan,0,0,0,0\n"));
+    assert_eq!(code, 0, "{printed}");
+    assert!(printed.contains("'gyroscope head': agrees with the rates"), "{printed}");
+    let result = result.unwrap();
+    let cell = |name: &str, row: usize| -> f64 {
+        let column = result.lines().next().unwrap().split(',').position(|c| c == name).unwrap();
+        result.lines().nth(row + 1).unwrap().split(',').nth(column).unwrap().parse().unwrap()
+    };
+    let expected = [[0.02, -0.01, f64::NAN], [0.0, 0.0, 0.005], [f64::NAN; 3]];
+    for (row, axes) in expected.iter().enumerate() {
+        for (axis, value) in ["x", "y", "z"].iter().zip(axes) {
+            let found = cell(&format!("innovation_w_{axis}"), row);
+            assert!((found - value).abs() < 1e-12 || (found.is_nan() && value.is_nan()), "{axis} {row}: {found}");
+        }
+    }
+    // mounted the wrong way round
+    let (code, printed, result) = run(&sensor, &format!("{head}0,0.3,0.5,-0.5,0,0\n0.01,0.3,1,-1,0,0\n"));
+    assert_eq!((code, result.is_some()), (1, true), "{printed}");
+    assert!(printed.contains("warning: 'gyroscope head': contradicts the rates"), "{printed}");
 }
 
 #[test]

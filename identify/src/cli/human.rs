@@ -46,8 +46,8 @@ pub(super) struct BenchArgs {
     #[arg(long, value_name = "S.toml")]
     sensors: PathBuf,
     /// Number of steps of each kind.
-    #[arg(long, value_name = "N", default_value_t = 1000)]
-    steps: usize,
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]
+    steps: u32,
 }
 
 pub(super) fn estimate(args: &EstimateArgs) -> Result<Outcome, Refusal> {
@@ -67,13 +67,18 @@ pub(super) fn estimate(args: &EstimateArgs) -> Result<Outcome, Refusal> {
     outputs.commit()?;
     let joints = setup.body.equations().tree().dof();
     print(&format!("{}: {} samples, {joints} joints\n", args.out.display(), result.len()));
-    Ok(Outcome::Done)
+    let mut outcome = Outcome::Done;
+    for (line, warns) in estimate::gyroscope::report(&setup, &result) {
+        print(&format!("{}{line}\n", if warns { "warning: " } else { "" }));
+        outcome = if warns { Outcome::Warnings } else { outcome };
+    }
+    Ok(outcome)
 }
 
 pub(super) fn bench(args: &BenchArgs) -> Result<Outcome, Refusal> {
     known(args.vehicle, "bench")?;
     let mut setup = estimate::setup(&args.model, &args.sensors)?;
-    let timing = estimate::bench::run(&mut setup, args.steps)?;
+    let timing = estimate::bench::run(&mut setup, args.steps as usize)?;
     print(&(serde_json::to_string(&timing)? + "\n"));
     Ok(Outcome::Done)
 }

@@ -7,6 +7,7 @@
 
 pub mod bench;
 pub mod config;
+pub mod gyroscope;
 pub mod urdf;
 
 use crate::log::{Log, LogError};
@@ -46,8 +47,9 @@ pub fn setup(model: &Path, sensors: &Path) -> Result<Setup, EstimateError> {
 }
 
 /// Estimates every row of a log: per joint `tau_<joint>` and `tau_<joint>_std`, for a moving base
-/// the seat's wrench with standard deviations, and per row `nis`, `nis_channels` and `status`. A
-/// row without a whole posture, and one that could not be solved, has no estimates (NaN).
+/// the seat's wrench with standard deviations, per channel of a gyroscope `innovation_<column>`, and
+/// per row `nis`, `nis_channels` and `status`. A row without a whole posture, and one that could not
+/// be solved, has no estimates (NaN).
 pub fn run(setup: &mut Setup, log: &Log, progress: &Progress) -> Result<Log, EstimateError> {
     let joints = setup.body.equations().tree().dof_names.clone();
     let column = |stem: &str, name: &str| log.require(&format!("{stem}{name}"));
@@ -56,6 +58,7 @@ pub fn run(setup: &mut Setup, log: &Log, progress: &Progress) -> Result<Log, Est
     let axes: &[&str] = if setup.moving { &["x", "y", "z"] } else { &[] };
     let rates = axes.iter().map(|axis| column("base_gyro_", axis)).collect::<Result<Vec<_>, _>>()?;
     let samples = channels(setup, log)?;
+    let gyroscopes = gyroscope::all(setup);
 
     let torque: Vec<usize> = (0..joints.len()).map(|dof| setup.body.torque_slot(dof)).collect();
     let base = setup.body.equations().slots()[0].map(|slots| slots.range(Kind::ParentWrench));
@@ -85,6 +88,10 @@ pub fn run(setup: &mut Setup, log: &Log, progress: &Progress) -> Result<Log, Est
         let known = status.is_ok();
         let pick = |slot: usize| if known { (mean[slot], variance[slot].sqrt()) } else { (f64::NAN, f64::NAN) };
         torque.iter().chain(&base_slots).for_each(|&slot| columns.push(pick(slot)));
+        for gyroscope in &gyroscopes {
+            let innovation = gyroscope.innovation(&setup.body, &values);
+            innovation.into_iter().for_each(|v| columns.innovations.push(if known { v } else { f64::NAN }));
+        }
         let innovations = setup.body.innovations(|_| true);
         columns.end_row(if known { innovations } else { (f64::NAN, 0) }, status.unwrap_or(Status::SKIPPED));
         progress.advance(1);
@@ -93,7 +100,8 @@ pub fn run(setup: &mut Setup, log: &Log, progress: &Progress) -> Result<Log, Est
     let wrench = ["force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z"];
     let names = joints.iter().map(|j| format!("tau_{j}"));
     let names = names.chain(wrench.iter().take(base_slots.len()).map(|part| format!("seat_wrench_{part}")));
-    Ok(columns.into_log(names.collect(), log))
+    let gyro_names: Vec<String> = gyroscopes.iter().flat_map(|g| g.names.clone()).collect();
+    Ok(columns.into_log(names.collect(), &gyro_names, log))
 }
 
 /// One sample of one row of a sensor.
@@ -131,6 +139,7 @@ struct Columns {
     rows: usize,
     width: usize,
     estimates: Vec<(f64, f64)>,
+    innovations: Vec<f64>,
     nis: Vec<f64>,
     channels: Vec<f64>,
     status: Vec<f64>,
@@ -138,7 +147,7 @@ struct Columns {
 
 impl Columns {
     fn new(rows: usize) -> Self {
-        Self { rows, width: 0, estimates: vec![], nis: vec![], channels: vec![], status: vec![] }
+        Self { rows, width: 0, estimates: vec![], innovations: vec![], nis: vec![], channels: vec![], status: vec![] }
     }
 
     fn push(&mut self, estimate: (f64, f64)) {
@@ -152,12 +161,15 @@ impl Columns {
         self.width = self.estimates.len() / self.status.len();
     }
 
-    fn into_log(self, names: Vec<String>, log: &Log) -> Log {
+    fn into_log(self, names: Vec<String>, gyroscopes: &[String], log: &Log) -> Log {
         let mut result = Log { source: log.source.clone(), time: log.time.clone(), ..Log::default() };
         let column = |k: usize| (0..self.rows).map(move |row| row * self.width + k);
         for (k, name) in names.iter().enumerate() {
             result.push(name, column(k).map(|i| self.estimates[i].0).collect());
             result.push(&format!("{name}_std"), column(k).map(|i| self.estimates[i].1).collect());
+        }
+        for (k, name) in gyroscopes.iter().enumerate() {
+            result.push(name, self.innovations.iter().copied().skip(k).step_by(gyroscopes.len()).collect());
         }
         result.push("nis", self.nis);
         result.push("nis_channels", self.channels);
