@@ -4,9 +4,11 @@ mod support;
 
 use std::collections::BTreeSet;
 use support::Lag;
+use wheelstate::Status;
 use wheelstate::variable::Kind;
 use wheelstate_fmu::describe::{guid, number, units, xml};
-use wheelstate_fmu::model::{Model, Place, models};
+use wheelstate_fmu::instance::Instance;
+use wheelstate_fmu::model::{Model, Place, Type, models};
 
 fn all() -> Vec<Model> {
     let mut list = models(&|_| true);
@@ -53,6 +55,28 @@ fn every_model_has_what_all_models_have() {
         let (_, period) = model.parameter("sample_period").unwrap();
         assert!(!period.tunable && period.unit == "s" && period.range.0 > 0.0, "{}", model.name);
         assert!(model.outputs.iter().any(|variable| variable.name.ends_with("_std")), "{}", model.name);
+    }
+}
+
+#[test]
+fn an_infinite_sample_is_said_to_be_one() {
+    for model in models(&|_| true) {
+        for (i, input) in model.inputs.iter().enumerate().filter(|(_, input)| input.measured) {
+            // sensors of the body that are not switched on are ignored
+            let off = ["seat_", "imu_", "right_hand", "left_hand", "right_foot", "left_foot"];
+            if model.name == "HumanDynamics" && off.iter().any(|sensor| input.name.starts_with(sensor)) {
+                continue;
+            }
+            let mut instance = Instance::new(model.clone(), "guid");
+            instance.enter_initialization();
+            instance.exit_initialization().unwrap();
+            instance.set(Type::Real, &[Place::Input(i).reference()], |_| f64::NEG_INFINITY).unwrap();
+            instance.do_step(0.0, model.sample_period()).unwrap();
+            let place = model.outputs.iter().position(|output| output.name == "status").map(Place::Output).unwrap();
+            let mut status = 0.0;
+            instance.get(Type::Integer, &[place.reference()], |_, value| status = value).unwrap();
+            assert_ne!(status as u32 & Status::INFINITE.bits(), 0, "{} {}: {status}", model.name, input.name);
+        }
     }
 }
 

@@ -42,7 +42,15 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) if error.use_stderr() => {
+            eprintln!("pack: {}", usage(&error.to_string()));
+            return ExitCode::from(2);
+        }
+        Err(help) => help.exit(),
+    };
+    match run(&arguments) {
         Ok(false) => ExitCode::SUCCESS,
         Ok(true) => ExitCode::from(1),
         Err(error) => {
@@ -50,6 +58,12 @@ fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// What is wrong with the command line, in one line: the first paragraph of the parser's text.
+fn usage(text: &str) -> String {
+    let lines = text.lines().map(str::trim).take_while(|line| !line.is_empty());
+    lines.collect::<Vec<_>>().join(" ").trim_start_matches("error: ").to_owned() + "; --help shows the usage"
 }
 
 /// Packs; gives whether there were warnings. Nothing is written before every model is ready.
@@ -63,14 +77,14 @@ fn run(arguments: &Arguments) -> Result<bool, PackError> {
     let all = arguments.models.iter().any(|name| name == "all");
     let mut selected = match &fit {
         _ if all => models(&|_| true),
-        Some(fit) if arguments.models.is_empty() => vec![pack::model(&fit.vehicle)?],
+        Some(fit) if arguments.models.is_empty() => vec![vehicle(fit)?],
         None if arguments.models.is_empty() => models(&|_| true),
         _ => arguments.models.iter().map(|name| pack::model(name)).collect::<Result<_, _>>()?,
     };
     if let Some(fit) = &fit
         && all
     {
-        pack::model(&fit.vehicle)?;
+        vehicle(fit)?;
     }
     let mut warned = false;
     let mut reports = Vec::new();
@@ -84,6 +98,11 @@ fn run(arguments: &Arguments) -> Result<bool, PackError> {
         print!("{report}");
     }
     Ok(warned)
+}
+
+/// The model that a fit is of.
+fn vehicle(fit: &Fit) -> Result<Model, PackError> {
+    pack::model(&fit.vehicle).map_err(|error| PackError(format!("{}: {error}", fit.source)))
 }
 
 /// Sets the start values of one model.

@@ -86,9 +86,10 @@ impl Fit {
                 ));
             }
         }
+        let mut foreign = Vec::new();
         for (name, entry) in &self.parameters {
             let Some((index, variable)) = model.parameter(name) else {
-                baked.warnings.push(format!("{name}: the FMU has no such parameter"));
+                foreign.push(name.as_str());
                 continue;
             };
             let identified = entry.get("identified").and_then(Value::as_bool);
@@ -110,6 +111,15 @@ impl Fit {
             } else if entry.get("at_bound") == Some(&Value::Bool(true)) {
                 baked.warnings.push(format!("{name}: the fit pushed it against a bound"));
             }
+        }
+        match foreign.as_slice() {
+            [] => {}
+            [name] => baked.warnings.push(format!("{name}: the FMU has no such parameter")),
+            [first, .., last] => baked.warnings.push(format!(
+                "{first} .. {last}: the FMU has no such parameters ({} of {})",
+                foreign.len(),
+                self.parameters.len()
+            )),
         }
         model.bake(&values).map_err(|error| refuse(format!("the model refuses these values together: {error}")))?;
         Ok(baked)

@@ -88,7 +88,14 @@ impl Refusal {
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
     crate::log::guard::quiet();
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => {
+            eprintln!("identify: {}", usage(&error.to_string()));
+            return ExitCode::from(2);
+        }
+        Err(help) => help.exit(),
+    };
     let outcome = match cli.command {
         Command::Fit(args) => fit::run(&args),
         Command::Tune(args) => tune::run(&args),
@@ -105,6 +112,12 @@ pub fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// What is wrong with the command line, in one line: the first paragraph of the parser's text.
+fn usage(text: &str) -> String {
+    let lines = text.lines().map(str::trim).take_while(|line| !line.is_empty());
+    lines.collect::<Vec<_>>().join(" ").trim_start_matches("error: ").to_owned() + "; --help shows the usage"
 }
 
 /// Prints to stdout; a reader that has gone away is no error.

@@ -134,7 +134,7 @@ struct Screened {
 const PLAUSIBLE: (f64, f64, f64) = (1.6, 50.0, 100.0);
 
 impl NursingRobot {
-    /// Takes out what cannot be a sample, and says so. A channel that is not used raises nothing.
+    /// Takes out what cannot be a sample, and says so. A channel that is not used may be missing.
     fn screen(&self, inputs: &Inputs, status: &mut Status) -> Screened {
         let p = &self.parameters;
         let mut take = |value: f64, limit: f64, wanted: bool| {
@@ -148,6 +148,9 @@ impl NursingRobot {
         let right = take(inputs.torque_right, p.limit.torque, true);
         let speed = take(inputs.speed, p.limit.speed, true);
         let (tilt, rate, force) = PLAUSIBLE;
+        // identification alone reads the roll
+        take(inputs.roll, tilt, false);
+        take(inputs.roll_rate, rate, false);
         Screened {
             drive_force: self.robot.drive_force(left, right),
             air_drag: 0.5 * p.aero.air_density * p.aero.drag_area * speed * speed.abs(),

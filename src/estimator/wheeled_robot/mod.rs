@@ -159,6 +159,7 @@ impl WheeledRobot {
         let mut ignored = Status::OK;
         let speed_status = if p.filter.use_speed { &mut status } else { &mut ignored };
         let reference = sample(inputs.speed, 200.0, speed_status).filter(|_| p.filter.use_speed);
+        status.raise_if(ignored.contains(Status::INFINITE), Status::INFINITE);
         let accel_x = sample(inputs.accel_x, 200.0, &mut status);
         let accel_y = sample(inputs.accel_y, 200.0, &mut status);
         let gyro = sample(inputs.gyro_z, 100.0, &mut status);
