@@ -228,12 +228,12 @@ fn without_any_sample_only_time_passes() {
 #[test]
 fn an_update_without_rows_does_nothing() {
     use wheelstate::estimator::wheelchair::{Basic, observer, observer::Observer};
-    use wheelstate::filter::ekf::Ekf;
+    use wheelstate::filter::belief::Belief;
     use wheelstate::model::wheelchair::{Command, Output, State};
     let p = parameters(Kind::Basic);
     let observer = Observer { chair: p.chair(), noise: p.noise(), limits: p.limits(), gate: p.gate(), form: Basic };
-    let mut filter = Ekf::new(State::repeat(0.1), State::repeat(0.01));
-    let before = filter.clone();
+    let mut filter = Belief::new(State::repeat(0.1), &State::repeat(0.01));
+    let before = filter;
     let drive = observer::Drive { command: Command::zeros(), accel_x: None, still: false };
     let update = observer.update(&mut filter, &mut [0; 6], &Output::repeat(f64::NAN).into(), &drive).unwrap();
     assert!(update.nis.is_nan() && update.dof == 0);
@@ -244,7 +244,7 @@ fn an_update_without_rows_does_nothing() {
 #[test]
 fn a_turn_of_the_heading_is_no_innovation() {
     use wheelstate::estimator::wheelchair::{Basic, observer, observer::Observer};
-    use wheelstate::filter::ekf::Ekf;
+    use wheelstate::filter::belief::Belief;
     use wheelstate::model::wheelchair::{Command, Output, State, output};
     let p = parameters(Kind::Basic);
     let observer = Observer { chair: p.chair(), noise: p.noise(), limits: p.limits(), gate: p.gate(), form: Basic };
@@ -252,7 +252,7 @@ fn a_turn_of_the_heading_is_no_innovation() {
     let drive = observer::Drive { command: Command::new(30.0, 1.0), accel_x: None, still: false };
     let mut results = vec![];
     for turns in [0.0, 1.0, -3.0] {
-        let mut filter = Ekf::new(x, State::repeat(1e-3));
+        let mut filter = Belief::new(x, &State::repeat(1e-3));
         let mut y: Output =
             output(&observer.chair, &State::from([0.11, 3.13, 0.52, 0.2, 0.06, 0.0]), &drive.command, false);
         y[1] += turns * std::f64::consts::TAU;
@@ -363,9 +363,11 @@ fn states_are_stored_and_restored() {
 
         let mut broken = estimator.state().clone();
         match &mut broken.belief {
-            wheelstate::estimator::wheelchair::Belief::Basic(filter) => filter.mean[0] = f64::NAN,
-            wheelstate::estimator::wheelchair::Belief::Biased(filter) => filter.covariance[(0, 0)] = -1.0,
-            wheelstate::estimator::wheelchair::Belief::Gravity(filter) => filter.covariance[(0, 0)] = f64::INFINITY,
+            wheelstate::estimator::wheelchair::ChairBelief::Basic(filter) => filter.mean[0] = f64::NAN,
+            wheelstate::estimator::wheelchair::ChairBelief::Biased(filter) => filter.covariance[(0, 0)] = -1.0,
+            wheelstate::estimator::wheelchair::ChairBelief::Gravity(filter) => {
+                filter.covariance[(0, 0)] = f64::INFINITY
+            }
         }
         assert!(estimator.restore(&broken).is_err());
     }

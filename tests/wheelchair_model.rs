@@ -50,6 +50,11 @@ fn close<const M: usize, const N: usize>(what: &str, actual: &SMatrix<f64, M, N>
     }
 }
 
+/// All rows of a Jacobian of which the first `K` are not zero.
+fn whole<const K: usize, const N: usize>(rows: &SMatrix<f64, K, N>) -> SMatrix<f64, N, N> {
+    SMatrix::from_fn(|i, j| if i < K { rows[(i, j)] } else { 0.0 })
+}
+
 #[test]
 fn motion_and_sensors_match_the_reference_points() {
     for point in points("fh_points.csv") {
@@ -67,8 +72,13 @@ fn jacobians_match_the_reference_points() {
         let chair = reference_chair(&point.variant);
         let (x, u) = (point.vector::<6>("x"), Command::new(point.get("u_f"), point.get("u_r")));
         let still = point.get("still") == 1.0;
-        close(&point.variant, &model::jacobian(&chair, &x, &u, still), &point.matrix("F"));
-        close(&point.variant, &model::output_jacobian(&chair, &x, &u, still), &point.matrix("H"));
+        let (rate, jacobian) = model::linearise(&chair, &x, &u, still);
+        let observed = model::observe(&chair, &x, &u, still);
+        close(&point.variant, &whole::<5, 6>(&jacobian), &point.matrix("F"));
+        close(&point.variant, &observed.jacobian, &point.matrix("H"));
+        assert_eq!(rate, model::derivative(&chair, &x, &u, still));
+        assert_eq!(observed.output, model::output(&chair, &x, &u, still));
+        assert_eq!(observed.tilt_lever, model::tilt_lever(&chair, x[model::ALPHA]));
     }
 }
 
@@ -80,7 +90,10 @@ fn discretisation_matches_the_reference_points() {
         let still = point.get("still") == 1.0;
         let next = runge_kutta(&x, dt, |x| model::derivative(&chair, x, &u, still));
         close("x", &next, &point.vector("xn"));
-        close("Phi", &transition(&model::jacobian(&chair, &x, &u, still), dt), &point.matrix("Phi"));
+        let jacobian = model::linearise(&chair, &x, &u, still).1;
+        let mut phi = whole::<5, 6>(&transition(&jacobian, dt));
+        phi[(model::W, model::W)] = 1.0; // the slope's rate stays
+        close("Phi", &phi, &point.matrix("Phi"));
         let q = point.matrix::<6, 6>("Q");
         for (density, position, rate) in
             [(4e-3, model::S, model::V), (4e-3, model::ALPHA, model::R), (0.5, model::XI, model::W)]
@@ -163,24 +176,22 @@ fn jacobians_of_all_forms_are_the_slopes_of_their_functions() {
             x.fixed_rows_mut::<6>(0).copy_from(&x6);
             x.fixed_rows_mut::<5>(6).copy_from(&SVector::from([0.01, -0.04, 0.03, 0.05, 0.2]));
             let rate = |x: &_| model::biased_derivative(&chair, x, &u, still);
-            same_slope("biased F", &model::biased_jacobian(&chair, &x, &u, still), &differences(&x, rate));
+            same_slope("biased F", &whole(&model::biased_linearise(&chair, &x, &u, still).1), &differences(&x, rate));
             let sensors = |x: &_| model::biased_output(&chair, x, &u, still);
-            same_slope("biased H", &model::biased_output_jacobian(&chair, &x, &u, still), &differences(&x, sensors));
+            same_slope("biased H", &model::biased_observe(&chair, &x, &u, still).jacobian, &differences(&x, sensors));
             let driven = |x: &_| model::acceleration_driven(&chair, x, &u, 0.7, still);
-            same_slope(
-                "driven F",
-                &model::acceleration_driven_jacobian(&chair, &x, &u, still),
-                &differences(&x, driven),
-            );
+            let (rate, jacobian) = model::acceleration_driven_linearise(&chair, &x, &u, 0.7, still);
+            same_slope("driven F", &whole(&jacobian), &differences(&x, driven));
+            close("driven f", &rate, &driven(&x));
 
             let (sa, ca) = x6[1].sin_cos();
             let tilt = x6[4].sin();
             let x =
                 gravity::State::from([x6[0], x6[1], x6[2], x6[3], sa * tilt, ca * tilt, x6[5] * sa, x6[5] * ca + 0.1]);
             let rate = |x: &_| gravity::derivative(&chair, x, &u, still);
-            same_slope("gravity F", &gravity::jacobian(&chair, &x, still), &differences(&x, rate));
+            same_slope("gravity F", &whole(&gravity::linearise(&chair, &x, &u, still).1), &differences(&x, rate));
             let sensors = |x: &_| gravity::output(&chair, x, &u, still);
-            same_slope("gravity H", &gravity::output_jacobian(&chair, &x, still), &differences(&x, sensors));
+            same_slope("gravity H", &gravity::observe(&chair, &x, &u, still).1, &differences(&x, sensors));
         }
     }
 }

@@ -9,7 +9,8 @@ use nalgebra::SVector;
 use support::{Table, assert_close, vector_table, vector_text};
 use wheelstate::estimator::wheelchair::observer::{Drive, Form, Limits, Noise, Observer};
 use wheelstate::estimator::wheelchair::{Basic, Biased};
-use wheelstate::filter::ekf::{Ekf, Gate};
+use wheelstate::filter::belief::Belief;
+use wheelstate::filter::ekf::Gate;
 use wheelstate::model::wheelchair::{Command, Output};
 
 const RELATIVE: f64 = 1e-8;
@@ -17,7 +18,7 @@ const ABSOLUTE: f64 = 1e-10;
 
 /// Mean and upper triangle of the covariance by rows, as in the files.
 #[track_caller]
-fn compare<const N: usize>(run: &str, row: usize, table: &Table, filter: &Ekf<N>) {
+fn compare<const N: usize>(run: &str, row: usize, table: &Table, filter: &Belief<N>) {
     for i in 0..N {
         let what = format!("{run} row {row} xhat{}", i + 1);
         assert_close(&what, filter.mean[i], table.at(row, &format!("xhat{}", i + 1)), RELATIVE, ABSOLUTE);
@@ -34,7 +35,7 @@ fn compare<const N: usize>(run: &str, row: usize, table: &Table, filter: &Ekf<N>
     }
 }
 
-fn run<const N: usize, const P: usize, F: Form<N, P>>(name: &str, form: F) {
+fn run<const N: usize, const K: usize, const P: usize, F: Form<N, K, P>>(name: &str, form: F) {
     let runs: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/runs.json")).unwrap();
     let params: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/params.json")).unwrap();
     let file = format!("{name}.csv");
@@ -50,7 +51,7 @@ fn run<const N: usize, const P: usize, F: Form<N, P>>(name: &str, form: F) {
     }
     let gate = Gate { deviations: setup["config"]["gate"].as_f64().unwrap_or(0.0), patience: 10 };
     let observer = Observer { chair, noise, limits: Limits::default(), gate, form };
-    let mut filter = Ekf::new(numbers(&setup["x0"]), numbers(&params[setup["P0"].as_str().unwrap()]));
+    let mut filter = Belief::new(numbers(&setup["x0"]), &numbers(&params[setup["P0"].as_str().unwrap()]));
     let table = vector_table(&format!("4-wheelchair/{file}"));
     let irregular = table.columns[0] == "dt";
     let mut counters = [0; 6];
@@ -142,7 +143,7 @@ fn filterpy_agrees() {
         let gate = Gate { deviations: 0.0, patience: 10 };
         let noise = Noise::default();
         let observer = Observer { chair, noise, limits: Limits::default(), gate, form: Basic };
-        let mut filter = Ekf::new(numbers(&setup["x0"]), numbers(&params["P0_6"]));
+        let mut filter = Belief::new(numbers(&setup["x0"]), &numbers(&params["P0_6"]));
         let table = vector_table(&format!("4-wheelchair/{log}.csv"));
         let expected: Vec<Vec<&str>> =
             text.lines().skip(1).map(|l| l.split(',').collect()).filter(|l: &Vec<&str>| l[1] == log).collect();

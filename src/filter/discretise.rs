@@ -8,28 +8,42 @@ pub fn runge_kutta<const N: usize>(
     dt: f64,
     derivative: impl Fn(&SVector<f64, N>) -> SVector<f64, N>,
 ) -> SVector<f64, N> {
-    let k1 = derivative(x);
+    runge_kutta_from(x, &derivative(x), dt, derivative)
+}
+
+/// As [`runge_kutta`], with the derivative `k1` at `x` known already.
+pub fn runge_kutta_from<const N: usize>(
+    x: &SVector<f64, N>,
+    k1: &SVector<f64, N>,
+    dt: f64,
+    derivative: impl Fn(&SVector<f64, N>) -> SVector<f64, N>,
+) -> SVector<f64, N> {
     let k2 = derivative(&(x + k1 * (0.5 * dt)));
     let k3 = derivative(&(x + k2 * (0.5 * dt)));
     let k4 = derivative(&(x + k3 * dt));
     x + (k1 + (k2 + k3) * 2.0 + k4) * (dt / 6.0)
 }
 
-/// Transition matrix to second order: `I + A + A^2/2` with `A = F dt`.
-pub fn transition<const N: usize>(jacobian: &SMatrix<f64, N, N>, dt: f64) -> SMatrix<f64, N, N> {
+/// The first `K` rows of the transition matrix to second order, `I + A + A^2/2` with `A = F dt`, from the
+/// first `K` rows of the Jacobian `F`; the other states do not move.
+pub fn transition<const K: usize, const N: usize>(jacobian: &SMatrix<f64, K, N>, dt: f64) -> SMatrix<f64, K, N> {
     let a = jacobian * dt;
     let mut phi = a;
     for j in 0..N {
-        for k in 0..N {
+        let mut column = phi.data.0[j];
+        for k in 0..K {
             // A Jacobian is mostly zeros.
             let factor = 0.5 * a[(k, j)];
             if factor != 0.0 {
-                for i in 0..N {
-                    phi[(i, j)] += a[(i, k)] * factor;
+                for i in 0..K {
+                    column[i] += a[(i, k)] * factor;
                 }
             }
         }
-        phi[(j, j)] += 1.0;
+        phi.data.0[j] = column;
+    }
+    for k in 0..K {
+        phi[(k, k)] += 1.0;
     }
     phi
 }

@@ -1,20 +1,11 @@
 //! Extended Kalman filter with missing rows, gate and Joseph update; the sizes are fixed by types.
 //!
-//! The filter holds mean and covariance and knows no equations: the caller linearises its model and
-//! hands in the propagated mean with its transition matrix, or the innovation with its Jacobian.
-//! Joseph's form keeps the covariance symmetric and positive definite under rounding.
+//! The filter knows no equations: the caller linearises its model and hands in the propagated mean with
+//! its transition matrix, or the innovation with its Jacobian. Joseph's form keeps the covariance
+//! symmetric and positive definite under rounding.
 
+use super::belief::Belief;
 use nalgebra::{SMatrix, SVector};
-use serde::{Deserialize, Serialize};
-
-/// Mean and covariance of a state of `N` numbers.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Ekf<const N: usize> {
-    /// Mean.
-    pub mean: SVector<f64, N>,
-    /// Covariance, symmetric and positive definite.
-    pub covariance: SMatrix<f64, N, N>,
-}
 
 /// `M` linearised measurement rows for a state of `N` numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,10 +33,8 @@ pub struct Gate {
 /// What an update tells about its rows; nothing of it is thrown away.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Innovation<const M: usize> {
-    /// Measured minus predicted, 0 in rows without a sample.
+    /// Measured minus predicted, 0 in rows that were not used.
     pub residual: SVector<f64, M>,
-    /// Predicted standard deviation of the residual.
-    pub std: SVector<f64, M>,
     /// Rows that were used.
     pub used: [bool; M],
     /// Rows that the gate rejected.
@@ -55,174 +44,204 @@ pub struct Innovation<const M: usize> {
     pub nis: f64,
     /// Number of used rows.
     pub dof: usize,
-    /// Logarithm of the likelihood of the used rows; 0 if there is none.
-    pub log_likelihood: f64,
+    /// Determinant of the covariance of the used rows' innovation; 1 if no row was used.
+    pub determinant: f64,
 }
 
-/// A covariance that is not positive definite; the filter was left as it was.
+/// A covariance that is not positive definite; the belief was left as it was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the innovation covariance is not positive definite")]
 pub struct NotPositiveDefinite;
 
-impl<const N: usize> Ekf<N> {
-    /// A filter with independent states: variances on the diagonal.
-    pub fn new(mean: SVector<f64, N>, variances: SVector<f64, N>) -> Self {
-        Self { mean, covariance: SMatrix::from_diagonal(&variances) }
+/// Time update: the propagated mean and `P = Phi P Phi^T`. Process noise is added by the caller.
+///
+/// Only the first `K` states move: `transition` is the first `K` rows of `Phi`, the rest is the identity's.
+pub fn predict<const N: usize, const K: usize>(
+    belief: &mut Belief<N>,
+    mean: SVector<f64, N>,
+    transition: &SMatrix<f64, K, N>,
+) {
+    belief.mean = mean;
+    let p = &mut belief.covariance;
+    let mut half = SMatrix::<f64, N, K>::zeros();
+    add_times_transposed(&mut half, p, transition);
+    let mut moved = SMatrix::<f64, K, K>::zeros();
+    add_times_transposed(&mut moved, &transposed(&half), transition);
+    for j in 0..K {
+        for i in j..N {
+            let value = if i < K { moved[(i, j)] } else { half[(i, j)] };
+            p[(i, j)] = value;
+            p[(j, i)] = value;
+        }
     }
+}
 
-    /// Time update: the propagated mean, `P = Phi P Phi^T + Q`.
-    pub fn predict(&mut self, mean: SVector<f64, N>, transition: &SMatrix<f64, N, N>, noise: &SMatrix<f64, N, N>) {
-        self.mean = mean;
-        let half = times_transposed(&self.covariance, transition);
-        self.covariance = symmetric(&(times_transposed(&half.transpose(), transition) + noise));
+/// Measurement update of the used rows, in Joseph's form.
+///
+/// The rows are made independent of each other and then taken one by one, which equals taking them
+/// together and needs no solution of equations. `gate` comes with one counter of rejections in a row per
+/// measurement row; it judges every row by the belief before the update.
+pub fn update<const N: usize, const M: usize>(
+    belief: &mut Belief<N>,
+    rows: &Rows<N, M>,
+    gate: Option<(Gate, &mut [u32; M])>,
+) -> Result<Innovation<M>, NotPositiveDefinite> {
+    let mut rejected = [false; M];
+    if let Some((gate, counters)) = gate.filter(|(gate, _)| gate.deviations > 0.0) {
+        for row in (0..M).filter(|&row| rows.used[row]) {
+            let h = rows.jacobian.row(row);
+            let variance = (h * belief.covariance).dot(&h) + rows.noise[(row, row)];
+            rejected[row] = gate.rejects(rows.innovation[row], variance, &mut counters[row]);
+        }
     }
-
-    /// Measurement update of the used rows, in Joseph's form.
-    ///
-    /// `gate` comes with one counter of rejections in a row per measurement row. Rows without a sample
-    /// are decoupled (zero Jacobian, unit variance), which equals leaving them out.
-    pub fn update<const M: usize>(
-        &mut self,
-        rows: &Rows<N, M>,
-        gate: Option<(Gate, &mut [u32; M])>,
-    ) -> Result<Innovation<M>, NotPositiveDefinite> {
-        let mut used = rows.used;
-        let mut rejected = [false; M];
-        let cross = times_transposed(&self.covariance, &rows.jacobian);
-        let all = times_transposed(&cross.transpose(), &rows.jacobian) + rows.noise;
-        if let Some((gate, counters)) = gate {
-            for row in (0..M).filter(|&row| rows.used[row]) {
-                rejected[row] = gate.rejects(rows.innovation[row], all[(row, row)], &mut counters[row]);
-                used[row] &= !rejected[row];
-            }
+    let used: [bool; M] = std::array::from_fn(|row| rows.used[row] && !rejected[row]);
+    let residual = SVector::from_fn(|row, _| if used[row] { rows.innovation[row] } else { 0.0 });
+    let mut told = Innovation { residual, used, rejected, nis: f64::NAN, dof: 0, determinant: 1.0 };
+    if !used.contains(&true) {
+        return Ok(told);
+    }
+    told.nis = 0.0;
+    let rows = Independent::of(rows, &used);
+    let mut p = belief.covariance;
+    let mut change = [0.0; N];
+    for row in 0..M {
+        if !told.used[row] {
+            continue;
         }
-        let dof = used.iter().filter(|used| **used).count();
-        let (mut jacobian, mut noise, mut cross) = (rows.jacobian, rows.noise, cross);
-        let (mut innovation, mut s) = (rows.innovation, all);
-        for row in (0..M).filter(|&row| !used[row]) {
-            jacobian.row_mut(row).fill(0.0);
-            cross.column_mut(row).fill(0.0);
-            innovation[row] = 0.0;
-            for matrix in [&mut noise, &mut s] {
-                matrix.row_mut(row).fill(0.0);
-                matrix.column_mut(row).fill(0.0);
-                matrix[(row, row)] = 1.0;
-            }
-        }
-        let std = all.diagonal().map(|variance| variance.max(0.0).sqrt());
-        if dof == 0 {
-            return Ok(Innovation {
-                residual: innovation,
-                std,
-                used,
-                rejected,
-                nis: f64::NAN,
-                dof,
-                log_likelihood: 0.0,
-            });
-        }
-        let factor = symmetric(&s).cholesky().ok_or(NotPositiveDefinite)?;
-        let root = factor.l_dirty();
-        let gain = divide(&cross, root);
-        let whitened = whiten(&innovation, root);
-        let nis = whitened.norm_squared();
-        let log_determinant = 2.0 * root.diagonal().product().ln();
-        let mean = self.mean + gain * innovation;
-        // (I - K H) P (I - K H)^T + K R K^T, factor by factor: A P with A = I - K H is P - K (H P), and
-        // (A P) A^T + K R K^T = A P + (K R - A P H^T) K^T.
-        let kept = self.covariance - times_transposed(&gain, &cross);
-        let rest = times_transposed(&gain, &noise) - times_transposed(&kept, &jacobian);
-        let covariance = symmetric(&(kept + times_transposed(&rest, &gain)));
-        if !(mean.iter().all(|value| value.is_finite()) && covariance.iter().all(|value| value.is_finite())) {
+        let (h, noise) = (&rows.jacobian[row], rows.noise[row]);
+        let cross = combination(&p, h);
+        let variance = dot(h, &cross) + noise;
+        if !(variance > 0.0 && variance < f64::INFINITY) {
             return Err(NotPositiveDefinite);
         }
-        self.mean = mean;
-        self.covariance = covariance;
-        let log_likelihood = -0.5 * (nis + log_determinant + dof as f64 * std::f64::consts::TAU.ln());
-        Ok(Innovation { residual: innovation, std, used, rejected, nis, dof, log_likelihood })
+        let gain = cross.map(|c| c / variance);
+        let innovation = rows.innovation[row] - dot(h, &change);
+        add_scaled(&mut change, &gain, innovation);
+        // (I - k h) P (I - k h)^T + r k k^T, factor by factor: A P with A = I - k h is P - k (P h^T)^T, and
+        // (A P) A^T + r k k^T = A P + (r k - A P h^T) k^T.
+        for (column, cross) in p.data.0.iter_mut().zip(cross) {
+            add_scaled(column, &gain, -cross);
+        }
+        let mut rest = combination(&p, h).map(|value| -value);
+        add_scaled(&mut rest, &gain, noise);
+        for (column, gain) in p.data.0.iter_mut().zip(gain) {
+            add_scaled(column, &rest, gain);
+        }
+        told.nis += innovation * innovation / variance;
+        told.determinant *= variance;
+        told.dof += 1;
     }
-
-    /// Standard deviation of one state.
-    pub fn std(&self, index: usize) -> f64 {
-        self.covariance[(index, index)].max(0.0).sqrt()
+    for j in 0..N {
+        for i in 0..j {
+            p[(i, j)] = p[(j, i)];
+        }
     }
+    let mean = belief.mean + SVector::from(change);
+    // A sum is finite only if all that it adds is.
+    let sum = (0..N).fold(mean, |sum, j| sum + p.column(j));
+    if !sum.sum().is_finite() {
+        return Err(NotPositiveDefinite);
+    }
+    *belief = Belief { mean, covariance: p };
+    Ok(told)
+}
 
-    /// Whether mean and covariance are finite and the covariance is positive definite.
-    pub fn is_sound(&self) -> bool {
-        let finite = self.mean.iter().chain(self.covariance.iter()).all(|value| value.is_finite());
-        finite && self.covariance.cholesky().is_some()
+/// Measurement rows whose noises are independent of each other.
+struct Independent<const N: usize, const M: usize> {
+    innovation: [f64; M],
+    jacobian: [[f64; N]; M],
+    noise: [f64; M],
+}
+
+impl<const N: usize, const M: usize> Independent<N, M> {
+    /// The used rows times `L^-1`, where their noise is `L D L^T`.
+    fn of(rows: &Rows<N, M>, used: &[bool; M]) -> Self {
+        let mut noise = rows.noise;
+        let mut innovation: [f64; M] = rows.innovation.into();
+        let mut jacobian = transposed(&rows.jacobian).data.0;
+        for i in 0..M {
+            for j in 0..i {
+                let covariance = noise[(i, j)];
+                if covariance != 0.0 && used[i] && used[j] {
+                    let share = covariance / noise[(j, j)];
+                    let known = jacobian[j];
+                    add_scaled(&mut jacobian[i], &known, -share);
+                    innovation[i] -= share * innovation[j];
+                    for k in i..M {
+                        noise[(k, i)] -= share * noise[(k, j)];
+                    }
+                }
+            }
+        }
+        Self { innovation, jacobian, noise: std::array::from_fn(|row| noise[(row, row)]) }
+    }
+}
+
+impl<const M: usize> Innovation<M> {
+    /// Logarithm of the likelihood of the used rows; 0 if there is none.
+    pub fn log_likelihood(&self) -> f64 {
+        if self.dof == 0 {
+            return 0.0;
+        }
+        -0.5 * (self.nis + self.determinant.ln() + self.dof as f64 * std::f64::consts::TAU.ln())
     }
 }
 
 impl Gate {
     fn rejects(&self, innovation: f64, variance: f64, in_a_row: &mut u32) -> bool {
-        let beyond = self.deviations > 0.0 && innovation.abs() > self.deviations * variance.max(0.0).sqrt();
+        let beyond = innovation.abs() > self.deviations * variance.max(0.0).sqrt();
         let reject = beyond && *in_a_row < self.patience;
         *in_a_row = if reject { *in_a_row + 1 } else { 0 };
         reject
     }
 }
 
-/// `A B^T`, column by column, without the terms in which `B` is zero: Jacobians and transition matrices
-/// mostly are.
-fn times_transposed<const N: usize, const K: usize, const M: usize>(
+/// `sum += A B^T`, column by column, without the terms in which `B` is zero: Jacobians and transition
+/// matrices mostly are.
+fn add_times_transposed<const N: usize, const K: usize, const M: usize>(
+    sum: &mut SMatrix<f64, N, M>,
     a: &SMatrix<f64, N, K>,
     b: &SMatrix<f64, M, K>,
-) -> SMatrix<f64, N, M> {
-    let mut product = SMatrix::<f64, N, M>::zeros();
+) {
+    // Plain arrays, one per column: their bounds are known, so that the processor adds several rows at once.
+    let (sum, a, b) = (&mut sum.data.0, &a.data.0, &b.data.0);
     for row in 0..M {
-        let mut column = SVector::<f64, N>::zeros();
+        let mut column = sum[row];
         for k in 0..K {
-            let factor = b[(row, k)];
+            let factor = b[k][row];
             if factor != 0.0 {
-                for i in 0..N {
-                    column[i] += a[(i, k)] * factor;
-                }
+                add_scaled(&mut column, &a[k], factor);
             }
         }
-        product.set_column(row, &column);
+        sum[row] = column;
     }
-    product
 }
 
-/// `C S^-1` with `S = L L^T`.
-fn divide<const N: usize, const M: usize>(c: &SMatrix<f64, N, M>, l: &SMatrix<f64, M, M>) -> SMatrix<f64, N, M> {
-    let mut x = *c;
-    // x L^T = c, then x L = that: each a substitution over columns.
-    for j in 0..M {
-        for k in 0..j {
-            subtract_column(&mut x, j, k, l[(j, k)]);
-        }
-        x.column_mut(j).scale_mut(1.0 / l[(j, j)]);
-    }
-    for j in (0..M).rev() {
-        for k in j + 1..M {
-            subtract_column(&mut x, j, k, l[(k, j)]);
-        }
-        x.column_mut(j).scale_mut(1.0 / l[(j, j)]);
-    }
-    x
-}
-
-fn subtract_column<const N: usize, const M: usize>(x: &mut SMatrix<f64, N, M>, from: usize, what: usize, times: f64) {
-    if times != 0.0 {
-        for i in 0..N {
-            x[(i, from)] -= times * x[(i, what)];
+/// `A h`, without the terms in which `h` is zero.
+fn combination<const N: usize, const K: usize>(a: &SMatrix<f64, N, K>, h: &[f64; K]) -> [f64; N] {
+    let mut sum = [0.0; N];
+    for (column, h) in a.data.0.iter().zip(h) {
+        if *h != 0.0 {
+            add_scaled(&mut sum, column, *h);
         }
     }
+    sum
 }
 
-/// `L^-1 v`.
-fn whiten<const M: usize>(v: &SVector<f64, M>, l: &SMatrix<f64, M, M>) -> SVector<f64, M> {
-    let mut x = *v;
-    for i in 0..M {
-        let known: f64 = (0..i).map(|k| l[(i, k)] * x[k]).sum();
-        x[i] = (x[i] - known) / l[(i, i)];
+fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    let mut sum = 0.0;
+    for i in 0..N {
+        sum += a[i] * b[i];
     }
-    x
+    sum
 }
 
-/// The symmetric part.
-pub fn symmetric<const N: usize>(matrix: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
-    (matrix + matrix.transpose()) * 0.5
+fn add_scaled<const N: usize>(sum: &mut [f64; N], terms: &[f64; N], factor: f64) {
+    for i in 0..N {
+        sum[i] += terms[i] * factor;
+    }
+}
+
+fn transposed<const N: usize, const M: usize>(matrix: &SMatrix<f64, N, M>) -> SMatrix<f64, M, N> {
+    SMatrix::from_fn(|i, j| matrix[(j, i)])
 }

@@ -2,6 +2,7 @@
 
 pub mod adaptation;
 mod array;
+pub mod belief;
 pub mod critically_damped;
 pub mod discretise;
 pub mod ekf;

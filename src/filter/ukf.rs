@@ -7,19 +7,9 @@
 //! Yang et al., eq. (44)-(54). Errata: (46) and (47) print the noise of the wrong instants, Q belongs
 //! to the step and R to the sample; the points would have to be redrawn after Q has been added.
 
-use super::bounded;
+use super::belief::{Belief, add_square};
 use super::sigma_points::{Weights, robust_cholesky};
 use nalgebra::{SMatrix, SVector};
-use serde::{Deserialize, Serialize};
-
-/// Mean and covariance of the state.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Belief<const N: usize> {
-    /// Mean.
-    pub mean: SVector<f64, N>,
-    /// Covariance, symmetric.
-    pub covariance: SMatrix<f64, N, N>,
-}
 
 /// A measured channel that shows one state: `sample = state[index] + noise`.
 #[derive(Clone, Copy, Debug)]
@@ -45,88 +35,63 @@ pub struct Innovation<const M: usize> {
     pub nis: f64,
 }
 
-impl<const N: usize> Belief<N> {
-    /// With independent states of these variances.
-    pub fn new(mean: SVector<f64, N>, variances: &SVector<f64, N>) -> Self {
-        Self { mean, covariance: SMatrix::from_diagonal(variances) }
+/// Moves the belief through `f` (process noise is added by the caller). Returns whether the
+/// covariance had to be repaired; `None`, with the belief unchanged, if it is not finite.
+pub fn predict<const N: usize>(
+    belief: &mut Belief<N>,
+    weights: &Weights,
+    f: impl Fn(&SVector<f64, N>) -> SVector<f64, N>,
+) -> Option<bool> {
+    let (root, repaired) = robust_cholesky(&belief.covariance)?;
+    let scale = weights.spread.sqrt();
+    let centre = f(&belief.mean);
+    let mut ahead = [SVector::<f64, N>::zeros(); N];
+    let mut behind = [SVector::<f64, N>::zeros(); N];
+    let mut mean = centre * weights.mean;
+    for j in 0..N {
+        let offset = root.column(j) * scale;
+        ahead[j] = f(&(belief.mean + offset));
+        behind[j] = f(&(belief.mean - offset));
+        mean += (ahead[j] + behind[j]) * weights.outer;
     }
-
-    /// Moves the belief through `f` (process noise is added by the caller). Returns whether the
-    /// covariance had to be repaired; `None`, with the belief unchanged, if it is not finite.
-    pub fn predict(&mut self, weights: &Weights, f: impl Fn(&SVector<f64, N>) -> SVector<f64, N>) -> Option<bool> {
-        let (root, repaired) = robust_cholesky(&self.covariance)?;
-        let scale = weights.spread.sqrt();
-        let centre = f(&self.mean);
-        let mut ahead = [SVector::<f64, N>::zeros(); N];
-        let mut behind = [SVector::<f64, N>::zeros(); N];
-        let mut mean = centre * weights.mean;
-        for j in 0..N {
-            let offset = root.column(j) * scale;
-            ahead[j] = f(&(self.mean + offset));
-            behind[j] = f(&(self.mean - offset));
-            mean += (ahead[j] + behind[j]) * weights.outer;
-        }
-        let from_centre = centre - mean;
-        let mut covariance = SMatrix::<f64, N, N>::zeros();
-        add_square(&mut covariance, weights.covariance, &from_centre);
-        for j in 0..N {
-            add_square(&mut covariance, weights.outer, &(ahead[j] - mean));
-            add_square(&mut covariance, weights.outer, &(behind[j] - mean));
-        }
-        (self.mean, self.covariance) = (mean, covariance);
-        Some(repaired)
+    let from_centre = centre - mean;
+    let mut covariance = SMatrix::<f64, N, N>::zeros();
+    add_square(&mut covariance, weights.covariance, &from_centre);
+    for j in 0..N {
+        add_square(&mut covariance, weights.outer, &(ahead[j] - mean));
+        add_square(&mut covariance, weights.outer, &(behind[j] - mean));
     }
-
-    /// What the samples make of this prediction: the posterior, and the innovation by which the caller may
-    /// decide to leave it. Independent channels are taken one after the other, which equals taking them
-    /// jointly.
-    pub fn updated<const M: usize>(&self, channels: &[Channel; M]) -> (Self, Innovation<M>) {
-        let mut after = *self;
-        let mut innovation = Innovation { residual: [0.0; M], variance: [0.0; M], available: 0, nis: 0.0 };
-        for (i, channel) in channels.iter().enumerate() {
-            innovation.variance[i] = self.covariance[(channel.index, channel.index)] + channel.variance;
-            if channel.sample.is_nan() {
-                continue;
-            }
-            innovation.residual[i] = channel.sample - self.mean[channel.index];
-            innovation.available += 1;
-            innovation.nis += after.take(channel);
-        }
-        (after, innovation)
-    }
-
-    /// Takes one sample and returns its squared normalised innovation.
-    fn take(&mut self, channel: &Channel) -> f64 {
-        let cross: SVector<f64, N> = self.covariance.column(channel.index).into();
-        let inverse = 1.0 / (cross[channel.index] + channel.variance);
-        let residual = channel.sample - self.mean[channel.index];
-        self.mean += cross * (residual * inverse);
-        add_square(&mut self.covariance, -inverse, &cross);
-        residual * residual * inverse
-    }
-
-    /// Makes one state known as `value` with `variance`, independent of the others.
-    pub fn realign(&mut self, index: usize, value: f64, variance: f64) {
-        self.mean[index] = value;
-        self.covariance.row_mut(index).fill(0.0);
-        self.covariance.column_mut(index).fill(0.0);
-        self.covariance[(index, index)] = variance;
-    }
-
-    /// Whether all numbers are finite and no variance is negative.
-    pub fn is_sound(&self) -> bool {
-        self.mean.iter().chain(self.covariance.iter()).all(|x| bounded(*x))
-            && (0..N).all(|i| self.covariance[(i, i)] >= 0.0)
-    }
+    *belief = Belief { mean, covariance };
+    Some(repaired)
 }
 
-/// `matrix += factor * v v^T`, exactly symmetric.
-pub fn add_square<const N: usize>(matrix: &mut SMatrix<f64, N, N>, factor: f64, v: &SVector<f64, N>) {
-    for j in 0..N {
-        for i in 0..=j {
-            let sum = matrix[(i, j)] + factor * v[i] * v[j];
-            matrix[(i, j)] = sum;
-            matrix[(j, i)] = sum;
+/// What the samples make of this prediction: the posterior, and the innovation by which the caller may
+/// decide to leave it. Independent channels are taken one after the other, which equals taking them
+/// jointly.
+pub fn updated<const N: usize, const M: usize>(
+    prior: &Belief<N>,
+    channels: &[Channel; M],
+) -> (Belief<N>, Innovation<M>) {
+    let mut after = *prior;
+    let mut innovation = Innovation { residual: [0.0; M], variance: [0.0; M], available: 0, nis: 0.0 };
+    for (i, channel) in channels.iter().enumerate() {
+        innovation.variance[i] = prior.covariance[(channel.index, channel.index)] + channel.variance;
+        if channel.sample.is_nan() {
+            continue;
         }
+        innovation.residual[i] = channel.sample - prior.mean[channel.index];
+        innovation.available += 1;
+        innovation.nis += take(&mut after, channel);
     }
+    (after, innovation)
+}
+
+/// Takes one sample and returns its squared normalised innovation.
+fn take<const N: usize>(belief: &mut Belief<N>, channel: &Channel) -> f64 {
+    let cross: SVector<f64, N> = belief.covariance.column(channel.index).into();
+    let inverse = 1.0 / (cross[channel.index] + channel.variance);
+    let residual = channel.sample - belief.mean[channel.index];
+    belief.mean += cross * (residual * inverse);
+    add_square(&mut belief.covariance, -inverse, &cross);
+    residual * residual * inverse
 }

@@ -1,62 +1,102 @@
 //! Cost of the wheelchair's filter: one time update and one measurement update with all six rows, and
-//! the whole estimator step with inputs checked, standstill watched and outputs written.
+//! the whole estimator step with inputs checked, standstill watched and outputs written. Every step is
+//! one of a drive onto the ramp, so that no branch and no function sees the same numbers all the time.
+
+#[path = "../wheelchair/runs.rs"]
+mod runs;
 
 use divan::{Bencher, black_box};
 use nalgebra::SVector;
+use runs::{Drive as Setup, Normal};
 use wheelstate::Estimator;
-use wheelstate::estimator::wheelchair::observer::{Drive, Form, Observer};
+use wheelstate::estimator::wheelchair::observer::{Drive, Form, Observer, Sample};
 use wheelstate::estimator::wheelchair::{Basic, Biased, GravityVector, Inputs, Kind, Outputs, Parameters, Wheelchair};
-use wheelstate::filter::ekf::Ekf;
-use wheelstate::model::wheelchair::{Command, Output};
+use wheelstate::filter::belief::Belief;
+use wheelstate::model::wheelchair::{Command, Output, wheel_travel};
+use wheelstate::plant::wheelchair::Course;
 
 fn main() {
     divan::main();
 }
 
-fn predict_and_update<const N: usize, const P: usize, F: Form<N, P>>(bencher: Bencher, form: F) {
-    let p = Parameters::default();
+/// Four seconds in motion, of which two are on the slope.
+fn drive() -> Vec<Inputs> {
+    let rows = runs::drive(&Setup::nominal(Course::Oblique), &mut Normal::new(1));
+    rows.into_iter().skip(100).take(400).map(|row| row.inputs).collect()
+}
+
+fn parameters() -> Parameters {
+    let mut parameters = Parameters::default();
+    parameters.initial.heading = Course::Oblique.heading();
+    parameters.filter.detect_standstill = false;
+    parameters
+}
+
+fn predict_and_update<const N: usize, const K: usize, const P: usize, F: Form<N, K, P>>(bencher: Bencher, form: F) {
+    let p = parameters();
     let observer = Observer { chair: p.chair(), noise: p.noise(), limits: p.limits(), gate: p.gate(), form };
-    let mut filter = Ekf::new(SVector::<f64, N>::zeros(), SVector::repeat(1e-3));
-    let mut counters = [0; 6];
-    let y = Output::from([0.0, 0.0, 0.001, 0.02, 0.01, 9.8]);
+    let steps: Vec<(Sample, Drive)> = drive()
+        .iter()
+        .map(|i| {
+            let (travel, heading) = wheel_travel(&observer.chair, i.encoder_right, i.encoder_left);
+            let y = Output::from([travel, heading, i.gyro_pitch, i.accel_x, i.accel_y, i.accel_z]);
+            let command = Command::new(i.drive_force, i.drive_moment);
+            (y.into(), Drive { command, accel_x: Some(i.accel_x), still: false })
+        })
+        .collect();
+    let mut mean = SVector::<f64, N>::zeros();
+    mean[1] = p.initial.heading;
+    let start = Belief::new(mean, &SVector::repeat(1e-3));
+    let (mut belief, mut counters, mut k) = (start, [0; 6], 0);
     bencher.bench_local(|| {
-        let drive = Drive { command: Command::new(black_box(2.0), 0.1), accel_x: Some(0.02), still: false };
-        let _ = observer.predict(&mut filter, 0.01, &drive);
-        let _ = black_box(observer.update(&mut filter, &mut counters, &black_box(y).into(), &drive));
+        if k == steps.len() {
+            (belief, k) = (start, 0);
+        }
+        let (sample, drive) = black_box(&steps[k]);
+        let _ = observer.predict(&mut belief, 0.01, drive);
+        let _ = black_box(observer.update(&mut belief, &mut counters, sample, drive));
+        k += 1;
     });
 }
 
-#[divan::bench(sample_size = 200)]
+#[divan::bench(sample_size = 4000)]
 fn six_states(bencher: Bencher) {
     predict_and_update(bencher, Basic);
 }
 
-#[divan::bench(sample_size = 200)]
+#[divan::bench(sample_size = 4000)]
 fn eight_states(bencher: Bencher) {
     predict_and_update(bencher, GravityVector);
 }
 
-#[divan::bench(sample_size = 200)]
+#[divan::bench(sample_size = 4000)]
 fn eleven_states(bencher: Bencher) {
     predict_and_update(bencher, Biased { acceleration_input: false });
 }
 
-#[divan::bench(sample_size = 200, args = ["basic", "bias", "acceleration_input", "gravity_vector"])]
+#[divan::bench(sample_size = 4000, args = ["basic", "bias", "acceleration_input", "gravity_vector"])]
 fn estimator_step(bencher: Bencher, kind: &str) {
-    let mut parameters = Parameters::default();
-    parameters.filter.detect_standstill = false;
+    let mut parameters = parameters();
     parameters.filter.kind = match kind {
         "basic" => Kind::Basic,
         "bias" => Kind::Bias,
         "acceleration_input" => Kind::AccelerationInput,
         _ => Kind::GravityVector,
     };
-    let mut estimator = Wheelchair::new(&parameters).unwrap();
+    let samples = drive();
+    let start = Wheelchair::new(&parameters).unwrap();
+    let mut estimator = start.clone();
     let mut outputs = Outputs::default();
+    let mut k = 0;
     bencher.bench_local(|| {
-        let inputs = Inputs { drive_force: black_box(1.0), ..Inputs::default() };
-        estimator.step(&inputs, 0.01);
-        estimator.outputs(&inputs, 0.01, &mut outputs);
+        if k == samples.len() {
+            estimator.restore(start.state()).unwrap();
+            k = 0;
+        }
+        let inputs = black_box(&samples[k]);
+        estimator.step(inputs, 0.01);
+        estimator.outputs(inputs, 0.01, &mut outputs);
         black_box(&outputs);
+        k += 1;
     });
 }

@@ -2,7 +2,7 @@
 //! while after the last sample.
 
 use super::sway::{SwayBelief, SwayEstimate, SwayEstimator, SwayState};
-use crate::filter::ukf::Belief;
+use crate::filter::belief::Belief;
 use crate::model::nursing_robot::GRAVITY;
 use nalgebra::SVector;
 

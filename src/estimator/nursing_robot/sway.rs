@@ -12,9 +12,10 @@
 use super::Parameters;
 use super::parameters::SwayModel;
 use crate::filter::adaptation::{MeasurementAdaptation, MeasurementNoise, ProcessScale};
+use crate::filter::belief::{Belief, add_square};
 use crate::filter::bounded;
 use crate::filter::sigma_points::Weights;
-use crate::filter::ukf::{Belief, Channel, add_square};
+use crate::filter::ukf::{self, Channel};
 use crate::model::nursing_robot::{GRAVITY, Human, Planar, Robot};
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
@@ -359,7 +360,7 @@ impl SwayEstimator {
             z[0] = f64::NAN;
         }
         if step.dt > 0.0 {
-            match belief.predict(&self.weights, |x| step.propagate(x)) {
+            match ukf::predict(belief, &self.weights, |x| step.propagate(x)) {
                 Some(repaired) => state.repaired |= repaired,
                 None => return SwayStatus::RolledBack,
             }
@@ -372,7 +373,7 @@ impl SwayEstimator {
             sample: if self.use_channel[i] { z[i] } else { f64::NAN },
             variance: state.noise.variance[i],
         });
-        let (posterior, innovation) = belief.updated(&channels);
+        let (posterior, innovation) = ukf::updated(belief, &channels);
         (state.nis, state.channels) = (innovation.nis, innovation.available as u8);
         let wanted = self.use_channel.iter().filter(|used| **used).count();
         let complete = innovation.available == wanted;

@@ -33,7 +33,8 @@ pub use parameters::{
 pub use variables::{Inputs, Outputs};
 
 use crate::estimator::{Estimator, StateError};
-use crate::filter::ekf::{Ekf, NotPositiveDefinite};
+use crate::filter::belief::Belief;
+use crate::filter::ekf::NotPositiveDefinite;
 use crate::model::wheelchair::{self as model, Chair, Command, gravity};
 use crate::{ParameterError, Status};
 use nalgebra::SVector;
@@ -46,20 +47,20 @@ use wheels::Wheels;
 /// What the filter believes, in the form of its kind.
 #[expect(clippy::large_enum_variant, reason = "there is one per estimator, and copying it must not allocate")]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Belief {
+pub enum ChairBelief {
     /// `basic`
-    Basic(Ekf<6>),
+    Basic(Belief<6>),
     /// `bias` and `acceleration_input`
-    Biased(Ekf<11>),
+    Biased(Belief<11>),
     /// `gravity_vector`
-    Gravity(Ekf<8>),
+    Gravity(Belief<8>),
 }
 
 /// Everything that a step changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// Mean and covariance.
-    pub belief: Belief,
+    pub belief: ChairBelief,
     started: bool,
     /// Last valid command.
     command: [f64; 2],
@@ -87,7 +88,7 @@ pub struct Wheelchair {
     bands: Bands,
     /// Known biases of gyro and accelerometer, where they are no states.
     calibration: [f64; 4],
-    initial: Belief,
+    initial: ChairBelief,
     state: State,
 }
 
@@ -102,14 +103,14 @@ impl Wheelchair {
         &self.chair
     }
 
-    fn initial_belief(parameters: &Parameters) -> Belief {
+    fn initial_belief(parameters: &Parameters) -> ChairBelief {
         let p = &parameters.initial;
         let squares = |std: [f64; 6]| SVector::<f64, 6>::from(std).map(|s| s * s);
         let chair = model::State::new(0.0, p.heading, p.speed, 0.0, p.slope, 0.0);
         let variances =
             squares([p.distance_std, p.heading_std, p.speed_std, p.yaw_rate_std, p.slope_std, p.slope_rate_std]);
         match parameters.filter.kind {
-            Kind::Basic => Belief::Basic(Ekf::new(chair, variances)),
+            Kind::Basic => ChairBelief::Basic(Belief::new(chair, &variances)),
             Kind::Bias | Kind::AccelerationInput => {
                 let (mut mean, mut all) = (model::BiasedState::zeros(), model::BiasedState::zeros());
                 mean.fixed_rows_mut::<6>(0).copy_from(&chair);
@@ -118,22 +119,22 @@ impl Wheelchair {
                 let accel = p.accel_bias_std;
                 let bias = [p.gyro_bias_std, accel, accel, accel, p.heading_offset_std];
                 all.fixed_rows_mut::<5>(6).copy_from(&SVector::from(bias).map(|s| s * s));
-                Belief::Biased(Ekf::new(mean, all))
+                ChairBelief::Biased(Belief::new(mean, &all))
             }
             Kind::GravityVector => {
                 let ((sa, ca), tilt) = (p.heading.sin_cos(), p.slope.sin());
                 let mean = gravity::State::from([0.0, p.heading, p.speed, 0.0, tilt * sa, tilt * ca, 0.0, 0.0]);
                 let [s, alpha, v, r, xi, w]: [f64; 6] = variances.into();
-                Belief::Gravity(Ekf::new(mean, gravity::State::from([s, alpha, v, r, xi, xi, w, w])))
+                ChairBelief::Gravity(Belief::new(mean, &gravity::State::from([s, alpha, v, r, xi, xi, w, w])))
             }
         }
     }
 
     fn predict(&mut self, dt: f64, drive: &Drive) -> Status {
         let done = match &mut self.state.belief {
-            Belief::Basic(filter) => self.basic.predict(filter, dt, drive),
-            Belief::Biased(filter) => self.biased.predict(filter, dt, drive),
-            Belief::Gravity(filter) => self.gravity.predict(filter, dt, drive),
+            ChairBelief::Basic(filter) => self.basic.predict(filter, dt, drive),
+            ChairBelief::Biased(filter) => self.biased.predict(filter, dt, drive),
+            ChairBelief::Gravity(filter) => self.gravity.predict(filter, dt, drive),
         };
         if done.is_err() { Status::BAD_STEP } else { Status::OK }
     }
@@ -141,9 +142,9 @@ impl Wheelchair {
     fn update(&mut self, sample: &Sample, drive: &Drive) -> Result<Update, NotPositiveDefinite> {
         let counters = &mut self.state.rejections;
         match &mut self.state.belief {
-            Belief::Basic(filter) => self.basic.update(filter, counters, sample, drive),
-            Belief::Biased(filter) => self.biased.update(filter, counters, sample, drive),
-            Belief::Gravity(filter) => self.gravity.update(filter, counters, sample, drive),
+            ChairBelief::Basic(filter) => self.basic.update(filter, counters, sample, drive),
+            ChairBelief::Biased(filter) => self.biased.update(filter, counters, sample, drive),
+            ChairBelief::Gravity(filter) => self.gravity.update(filter, counters, sample, drive),
         }
     }
 
@@ -153,22 +154,22 @@ impl Wheelchair {
         let (v, r) = (self.bands.distance / within, self.bands.heading / within);
         let w = self.bands.gyro;
         match &mut self.state.belief {
-            Belief::Basic(filter) => self.basic.release(filter, [v, r, w]),
-            Belief::Biased(filter) => self.biased.release(filter, [v, r, w]),
-            Belief::Gravity(filter) => self.gravity.release(filter, [v, r, w, w]),
+            ChairBelief::Basic(filter) => self.basic.release(filter, [v, r, w]),
+            ChairBelief::Biased(filter) => self.biased.release(filter, [v, r, w]),
+            ChairBelief::Gravity(filter) => self.gravity.release(filter, [v, r, w, w]),
         }
     }
 
     /// Whether mean and variances are numbers that a chair can have; what a run of impossible samples has
     /// driven beyond that would not come back by itself.
     fn is_plausible(&self) -> bool {
-        fn finite<const N: usize>(filter: &Ekf<N>) -> bool {
+        fn finite<const N: usize>(filter: &Belief<N>) -> bool {
             filter.mean.iter().all(|m| m.is_finite()) && (0..N).all(|i| filter.covariance[(i, i)].is_finite())
         }
         let (numbers, tilt) = match &self.state.belief {
-            Belief::Basic(filter) => (finite(filter), filter.mean[model::XI].abs() / FRAC_PI_2),
-            Belief::Biased(filter) => (finite(filter), filter.mean[model::XI].abs() / FRAC_PI_2),
-            Belief::Gravity(filter) => (finite(filter), filter.mean[gravity::GX].hypot(filter.mean[gravity::GY])),
+            ChairBelief::Basic(filter) => (finite(filter), filter.mean[model::XI].abs() / FRAC_PI_2),
+            ChairBelief::Biased(filter) => (finite(filter), filter.mean[model::XI].abs() / FRAC_PI_2),
+            ChairBelief::Gravity(filter) => (finite(filter), filter.mean[gravity::GX].hypot(filter.mean[gravity::GY])),
         };
         let (speed, yaw_rate) = self.motion();
         let limit = &self.parameters.limit;
@@ -341,9 +342,9 @@ impl Estimator for Wheelchair {
 
     fn restore(&mut self, state: &State) -> Result<(), StateError> {
         let sound = match (&state.belief, &self.initial) {
-            (Belief::Basic(filter), Belief::Basic(_)) => filter.is_sound(),
-            (Belief::Biased(filter), Belief::Biased(_)) => filter.is_sound(),
-            (Belief::Gravity(filter), Belief::Gravity(_)) => filter.is_sound(),
+            (ChairBelief::Basic(filter), ChairBelief::Basic(_)) => filter.is_sound(),
+            (ChairBelief::Biased(filter), ChairBelief::Biased(_)) => filter.is_sound(),
+            (ChairBelief::Gravity(filter), ChairBelief::Gravity(_)) => filter.is_sound(),
             _ => return Err(StateError("its filter.kind differs")),
         };
         let numbers = state.command.iter().chain(&state.accel_x).chain([&state.silent, &state.nis]);

@@ -3,8 +3,9 @@
 //! [`Observer`] joins the model's forms ([`Form`]) with the extended Kalman filter and is what the
 //! reference runs check; [`Wheelchair`](super::Wheelchair) puts inputs, standstill and outputs around it.
 
-use crate::filter::discretise::{runge_kutta, substeps, transition};
-use crate::filter::ekf::{Ekf, Gate, Innovation, NotPositiveDefinite, Rows};
+use crate::filter::belief::Belief;
+use crate::filter::discretise::{runge_kutta, runge_kutta_from, substeps, transition};
+use crate::filter::ekf::{self, Gate, Innovation, NotPositiveDefinite, Rows};
 use crate::model::wheelchair::{Chair, Command, Output, encoder_covariance};
 use nalgebra::{Matrix3, SMatrix, SVector};
 use std::f64::consts::{PI, TAU};
@@ -81,8 +82,9 @@ pub struct Observer<F> {
     pub form: F,
 }
 
-/// How a state of `N` numbers moves and is measured; `P` of them are zero at standstill.
-pub trait Form<const N: usize, const P: usize> {
+/// How a state of `N` numbers moves and is measured; the first `K` of them move by themselves, the others
+/// only by noise, and `P` of them are zero at standstill.
+pub trait Form<const N: usize, const K: usize, const P: usize> {
     /// The states that are zero at standstill.
     const AT_REST: [usize; P];
 
@@ -92,14 +94,23 @@ pub trait Form<const N: usize, const P: usize> {
     }
     /// `x' = f(x, u)`.
     fn derivative(&self, chair: &Chair, x: &SVector<f64, N>, drive: &Drive) -> SVector<f64, N>;
-    /// Jacobian of [`derivative`](Self::derivative).
-    fn jacobian(&self, chair: &Chair, x: &SVector<f64, N>, drive: &Drive) -> SMatrix<f64, N, N>;
-    /// Noise over a step of `dt` with the density `speed` of the acceleration.
-    fn process_noise(&self, noise: &Noise, speed: f64, dt: f64) -> SMatrix<f64, N, N>;
-    /// `y = h(x, u)` and its Jacobian.
-    fn output(&self, chair: &Chair, x: &SVector<f64, N>, drive: &Drive) -> (Output, SMatrix<f64, 6, N>);
+    /// [`derivative`](Self::derivative) with the first `K` rows of its Jacobian; the others are zero.
+    fn linearise(&self, chair: &Chair, x: &SVector<f64, N>, drive: &Drive) -> (SVector<f64, N>, SMatrix<f64, K, N>);
+    /// Adds the noise of a step of `dt` with the density `speed` of the acceleration.
+    fn add_process_noise(&self, covariance: &mut SMatrix<f64, N, N>, noise: &Noise, speed: f64, dt: f64);
+    /// `y = h(x, u)`.
+    fn observe(&self, chair: &Chair, x: &SVector<f64, N>, drive: &Drive) -> Expected<N>;
+}
+
+/// What the sensors are expected to read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Expected<const N: usize> {
+    /// The reading.
+    pub output: Output,
+    /// Its derivative over the state.
+    pub jacobian: SMatrix<f64, 6, N>,
     /// Per (rad/s^2)^2, what the slope's second derivative adds to the accelerometer's covariance.
-    fn tilt_noise(&self, chair: &Chair, x: &SVector<f64, N>) -> Matrix3<f64>;
+    pub tilt_noise: Matrix3<f64>,
 }
 
 /// What drives the chair over a step.
@@ -142,14 +153,14 @@ pub struct Update {
 
 impl<F> Observer<F> {
     /// Time update over `dt` seconds, in equal sub-steps if it is long.
-    pub fn predict<const N: usize, const P: usize>(
+    pub fn predict<const N: usize, const K: usize, const P: usize>(
         &self,
-        filter: &mut Ekf<N>,
+        belief: &mut Belief<N>,
         dt: f64,
         drive: &Drive,
     ) -> Result<(), BadStep>
     where
-        F: Form<N, P>,
+        F: Form<N, K, P>,
     {
         if !(dt > 0.0 && dt <= self.limits.longest_step) {
             return Err(BadStep(dt, self.limits.longest_step));
@@ -159,24 +170,24 @@ impl<F> Observer<F> {
         // An acceleration measured once and held over dt is white noise of this density.
         let driven = self.form.driven_by_acceleration() && drive.accel_x.is_some() && !drive.still;
         let density = if driven { self.noise.accel * self.noise.accel * dt } else { self.noise.speed };
-        let q = self.form.process_noise(&self.noise, density, h);
         for _ in 0..steps {
-            let phi = transition(&self.form.jacobian(&self.chair, &filter.mean, drive), h);
-            let mean = runge_kutta(&filter.mean, h, |x| self.form.derivative(&self.chair, x, drive));
-            filter.predict(mean, &phi, &q);
+            let (rate, jacobian) = self.form.linearise(&self.chair, &belief.mean, drive);
+            let mean = runge_kutta_from(&belief.mean, &rate, h, |x| self.form.derivative(&self.chair, x, drive));
+            ekf::predict(belief, mean, &transition(&jacobian, h));
+            self.form.add_process_noise(&mut belief.covariance, &self.noise, density, h);
         }
         Ok(())
     }
 
     /// The mean `ahead` seconds later, the filter untouched.
-    pub fn carry_forward<const N: usize, const P: usize>(
+    pub fn carry_forward<const N: usize, const K: usize, const P: usize>(
         &self,
         mean: &SVector<f64, N>,
         ahead: f64,
         drive: &Drive,
     ) -> SVector<f64, N>
     where
-        F: Form<N, P>,
+        F: Form<N, K, P>,
     {
         let ahead = ahead.min(self.limits.longest_step);
         if ahead.is_nan() || ahead <= 0.0 {
@@ -188,19 +199,19 @@ impl<F> Observer<F> {
     }
 
     /// Measurement update with the command that acts at the sampling instant.
-    pub fn update<const N: usize, const P: usize>(
+    pub fn update<const N: usize, const K: usize, const P: usize>(
         &self,
-        filter: &mut Ekf<N>,
+        belief: &mut Belief<N>,
         counters: &mut [u32; 6],
         sample: &Sample,
         drive: &Drive,
     ) -> Result<Update, NotPositiveDefinite>
     where
-        F: Form<N, P>,
+        F: Form<N, K, P>,
     {
-        let rows = self.rows(filter, sample, drive);
-        let before = drive.still.then(|| filter.clone());
-        let sensors = filter.update(&rows, Some((self.gate, counters)))?;
+        let rows = self.rows(belief, sample, drive);
+        let before = drive.still.then_some(*belief);
+        let sensors = ekf::update(belief, &rows, Some((self.gate, counters)))?;
         let Some(before) = before else {
             return Ok(Update { nis: sensors.nis, dof: sensors.dof, sensors });
         };
@@ -212,37 +223,42 @@ impl<F> Observer<F> {
             used: [true; P],
         };
         for (row, state) in F::AT_REST.into_iter().enumerate() {
-            at_rest.innovation[row] = -filter.mean[state];
+            at_rest.innovation[row] = -belief.mean[state];
             at_rest.jacobian[(row, state)] = 1.0;
         }
-        let rest = filter.update(&at_rest, None).inspect_err(|_| *filter = before)?;
+        let rest = ekf::update(belief, &at_rest, None).inspect_err(|_| *belief = before)?;
         let nis = rest.nis + if sensors.dof > 0 { sensors.nis } else { 0.0 };
         Ok(Update { nis, dof: sensors.dof + rest.dof, sensors })
     }
 
     /// Ends a standstill: the chair may have begun to move before the bands could show it, so speed,
     /// yaw rate and tilt rates become as uncertain as `std` says.
-    pub fn release<const N: usize, const P: usize>(&self, filter: &mut Ekf<N>, std: [f64; P])
+    pub fn release<const N: usize, const K: usize, const P: usize>(&self, belief: &mut Belief<N>, std: [f64; P])
     where
-        F: Form<N, P>,
+        F: Form<N, K, P>,
     {
         for (state, std) in F::AT_REST.into_iter().zip(std) {
-            filter.covariance[(state, state)] += std * std;
+            belief.covariance[(state, state)] += std * std;
         }
     }
 
     /// The rows that have a plausible sample.
-    fn rows<const N: usize, const P: usize>(&self, filter: &Ekf<N>, sample: &Sample, drive: &Drive) -> Rows<N, 6>
+    fn rows<const N: usize, const K: usize, const P: usize>(
+        &self,
+        belief: &Belief<N>,
+        sample: &Sample,
+        drive: &Drive,
+    ) -> Rows<N, 6>
     where
-        F: Form<N, P>,
+        F: Form<N, K, P>,
     {
-        let (predicted, mut jacobian) = self.form.output(&self.chair, &filter.mean, drive);
+        let Expected { output: predicted, mut jacobian, tilt_noise } =
+            self.form.observe(&self.chair, &belief.mean, drive);
         let mut innovation = sample.values - predicted;
         let mut noise = SMatrix::<f64, 6, 6>::zeros();
         noise.fixed_view_mut::<2, 2>(0, 0).copy_from(&encoder_covariance(&self.chair, self.noise.encoder));
         noise[(2, 2)] = self.noise.gyro * self.noise.gyro;
-        let mut accel = self.form.tilt_noise(&self.chair, &filter.mean)
-            * (self.noise.slope_acceleration * self.noise.slope_acceleration);
+        let mut accel = tilt_noise * (self.noise.slope_acceleration * self.noise.slope_acceleration);
         for axis in 0..3 {
             accel[(axis, axis)] += self.noise.accel * self.noise.accel;
         }

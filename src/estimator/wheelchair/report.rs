@@ -1,8 +1,8 @@
 //! The outputs: what the filter believes, carried forward and told in the user's terms.
 
 use super::observer::Drive;
-use super::{Belief, Inputs, Outputs, Wheelchair};
-use crate::filter::ekf::Ekf;
+use super::{ChairBelief, Inputs, Outputs, Wheelchair};
+use crate::filter::belief::Belief;
 use crate::model::wheelchair::{self as model, Command, gravity, pitch, pitch_gradient};
 use nalgebra::{SMatrix, SVector};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -17,18 +17,18 @@ impl Wheelchair {
     /// Speed and yaw rate.
     pub(super) fn motion(&self) -> (f64, f64) {
         match &self.state.belief {
-            Belief::Basic(filter) => (filter.mean[model::V], filter.mean[model::R]),
-            Belief::Biased(filter) => (filter.mean[model::V], filter.mean[model::R]),
-            Belief::Gravity(filter) => (filter.mean[gravity::V], filter.mean[gravity::R]),
+            ChairBelief::Basic(filter) => (filter.mean[model::V], filter.mean[model::R]),
+            ChairBelief::Biased(filter) => (filter.mean[model::V], filter.mean[model::R]),
+            ChairBelief::Gravity(filter) => (filter.mean[gravity::V], filter.mean[gravity::R]),
         }
     }
 
     /// Whether the ground is steep enough to tell where uphill is.
     pub(super) fn heading_is_observable(&self) -> bool {
         let (slope, std) = match &self.state.belief {
-            Belief::Basic(filter) => (filter.mean[model::XI], filter.std(model::XI)),
-            Belief::Biased(filter) => (filter.mean[model::XI], filter.std(model::XI)),
-            Belief::Gravity(filter) => {
+            ChairBelief::Basic(filter) => (filter.mean[model::XI], filter.std(model::XI)),
+            ChairBelief::Biased(filter) => (filter.mean[model::XI], filter.std(model::XI)),
+            ChairBelief::Gravity(filter) => {
                 let attitude = gravity::attitude(&filter.mean, &filter.covariance);
                 (attitude.slope, attitude.slope_std)
             }
@@ -50,17 +50,17 @@ impl Wheelchair {
         };
         let ahead = if self.state.started { ahead } else { 0.0 };
         match &self.state.belief {
-            Belief::Basic(filter) => {
+            ChairBelief::Basic(filter) => {
                 let mean = self.basic.carry_forward(&filter.mean, ahead, &drive);
                 self.report_chair(&mean, &filter.covariance, outputs);
             }
-            Belief::Biased(filter) => {
+            ChairBelief::Biased(filter) => {
                 let mean = self.biased.carry_forward(&filter.mean, ahead, &drive);
                 let chair = mean.fixed_rows::<6>(0).into_owned();
                 self.report_chair(&chair, &filter.covariance.fixed_view::<6, 6>(0, 0).into_owned(), outputs);
                 report_biases(&mean, filter, outputs);
             }
-            Belief::Gravity(filter) => {
+            ChairBelief::Gravity(filter) => {
                 let mean = self.gravity.carry_forward(&filter.mean, ahead, &drive);
                 report_gravity(&mean, filter, outputs);
             }
@@ -97,7 +97,7 @@ impl Wheelchair {
     }
 }
 
-fn report_biases(mean: &SVector<f64, 11>, filter: &Ekf<11>, outputs: &mut Outputs) {
+fn report_biases(mean: &SVector<f64, 11>, filter: &Belief<11>, outputs: &mut Outputs) {
     (outputs.gyro_bias, outputs.gyro_bias_std) = (mean[6], filter.std(6));
     (outputs.accel_x_bias, outputs.accel_x_bias_std) = (mean[7], filter.std(7));
     (outputs.accel_y_bias, outputs.accel_y_bias_std) = (mean[8], filter.std(8));
@@ -105,7 +105,7 @@ fn report_biases(mean: &SVector<f64, 11>, filter: &Ekf<11>, outputs: &mut Output
     (outputs.heading_offset, outputs.heading_offset_std) = (mean[10], filter.std(10));
 }
 
-fn report_gravity(mean: &gravity::State, filter: &Ekf<8>, outputs: &mut Outputs) {
+fn report_gravity(mean: &gravity::State, filter: &Belief<8>, outputs: &mut Outputs) {
     let attitude = gravity::attitude(mean, &filter.covariance);
     (outputs.distance, outputs.distance_std) = (mean[gravity::S], filter.std(gravity::S));
     (outputs.speed, outputs.speed_std) = (mean[gravity::V], filter.std(gravity::V));

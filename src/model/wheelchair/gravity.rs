@@ -7,7 +7,7 @@
 //! direction to the contour line is unknown needs no initial heading. On flat ground `alpha` has no
 //! meaning and its standard deviation says so.
 
-use super::motion::{acceleration_partials, accelerations};
+use super::motion::motion;
 use super::{Chair, Command, Output};
 use nalgebra::{Matrix2, SMatrix, SVector, Vector3};
 use std::f64::consts::PI;
@@ -46,74 +46,88 @@ fn normal_share(x: &State) -> (f64, [f64; 2]) {
     (gz, [-x[GX] / gz, -x[GY] / gz])
 }
 
-fn motion(chair: &Chair, x: &State, u: &Command, still: bool) -> (f64, f64) {
-    if still { (0.0, 0.0) } else { accelerations(chair, x[V], x[R], [x[GX], x[GY], normal_share(x).0], u) }
+/// `v'` and `r'`, their gradients over `[v, r, gx, gy]`, and the share of "up" along the normal.
+struct Accelerations {
+    v_dot: f64,
+    r_dot: f64,
+    v_gradient: [f64; 4],
+    r_gradient: [f64; 4],
+    gz: f64,
+    gz_x: f64,
+    gz_y: f64,
 }
 
-/// Gradients of `v'` and `r'` over `[v, r, gx, gy]`.
-fn motion_gradients(chair: &Chair, x: &State, still: bool) -> [[f64; 4]; 2] {
-    if still {
-        return [[0.0; 4]; 2];
-    }
+#[inline(always)]
+fn accelerations(chair: &Chair, x: &State, u: &Command, still: bool) -> Accelerations {
     let (gz, [gz_x, gz_y]) = normal_share(x);
-    acceleration_partials(chair, x[V], x[R], gz)
-        .map(|[v, r, gx, gy, along_z]| [v, r, gx + along_z * gz_x, gy + along_z * gz_y])
+    let (mut v_dot, mut r_dot, mut v_gradient, mut r_gradient) = (0.0, 0.0, [0.0; 4], [0.0; 4]);
+    if !still {
+        let motion = motion(chair, x[V], x[R], [x[GX], x[GY], gz], u);
+        let chain = |[v, r, gx, gy, along_z]: [f64; 5]| [v, r, gx + along_z * gz_x, gy + along_z * gz_y];
+        (v_dot, r_dot) = (motion.v_dot, motion.r_dot);
+        (v_gradient, r_gradient) = (chain(motion.v_partials), chain(motion.r_partials));
+    }
+    Accelerations { v_dot, r_dot, v_gradient, r_gradient, gz, gz_x, gz_y }
 }
 
 /// `x' = f(x, u)`: `s' = v + renc wp`, `psi' = r`, `gx' = r gy + gz wp`, `gy' = gz wr - r gx`, the
 /// rates `wp`, `wr` constant, `v'` and `r'` as in [`super::derivative`].
 pub fn derivative(chair: &Chair, x: &State, u: &Command, still: bool) -> State {
-    let (gz, _) = normal_share(x);
-    let (v_dot, r_dot) = motion(chair, x, u, still);
-    let gx_dot = x[R] * x[GY] + gz * x[WP];
-    let gy_dot = gz * x[WR] - x[R] * x[GX];
-    State::from([x[V] + chair.pitch_travel * x[WP], x[R], v_dot, r_dot, gx_dot, gy_dot, 0.0, 0.0])
+    rates(chair, x, &accelerations(chair, x, u, still))
 }
 
-/// Jacobian of [`derivative`].
-pub fn jacobian(chair: &Chair, x: &State, still: bool) -> SMatrix<f64, 8, 8> {
-    let (gz, [gz_x, gz_y]) = normal_share(x);
-    let mut jacobian = SMatrix::<f64, 8, 8>::zeros();
+fn rates(chair: &Chair, x: &State, a: &Accelerations) -> State {
+    let gx_dot = x[R] * x[GY] + a.gz * x[WP];
+    let gy_dot = a.gz * x[WR] - x[R] * x[GX];
+    State::from([x[V] + chair.pitch_travel * x[WP], x[R], a.v_dot, a.r_dot, gx_dot, gy_dot, 0.0, 0.0])
+}
+
+/// [`derivative`] and the Jacobian of its first six rows at the price of one; the others are zero.
+pub fn linearise(chair: &Chair, x: &State, u: &Command, still: bool) -> (State, SMatrix<f64, 6, 8>) {
+    let a = accelerations(chair, x, u, still);
+    let mut jacobian = SMatrix::<f64, 6, 8>::zeros();
     jacobian[(S, V)] = 1.0;
     jacobian[(S, WP)] = chair.pitch_travel;
     jacobian[(PSI, R)] = 1.0;
-    for (row, gradient) in [V, R].into_iter().zip(motion_gradients(chair, x, still)) {
+    for (row, gradient) in [(V, a.v_gradient), (R, a.r_gradient)] {
         for (column, value) in [V, R, GX, GY].into_iter().zip(gradient) {
             jacobian[(row, column)] = value;
         }
     }
     jacobian[(GX, R)] = x[GY];
-    jacobian[(GX, GX)] = gz_x * x[WP];
-    jacobian[(GX, GY)] = x[R] + gz_y * x[WP];
-    jacobian[(GX, WP)] = gz;
+    jacobian[(GX, GX)] = a.gz_x * x[WP];
+    jacobian[(GX, GY)] = x[R] + a.gz_y * x[WP];
+    jacobian[(GX, WP)] = a.gz;
     jacobian[(GY, R)] = -x[GX];
-    jacobian[(GY, GX)] = -x[R] + gz_x * x[WR];
-    jacobian[(GY, GY)] = gz_y * x[WR];
-    jacobian[(GY, WR)] = gz;
-    jacobian
+    jacobian[(GY, GX)] = -x[R] + a.gz_x * x[WR];
+    jacobian[(GY, GY)] = a.gz_y * x[WR];
+    jacobian[(GY, WR)] = a.gz;
+    (rates(chair, x, &a), jacobian)
 }
 
 /// `y = h(x, u)`: as [`super::output`] for a strapped-down gyro and a rigid body, with the body rates
 /// `p = wr`, `q = -wp` and the second row `alpha_enc = psi`.
 pub fn output(chair: &Chair, x: &State, u: &Command, still: bool) -> Output {
-    let (v_dot, r_dot) = motion(chair, x, u, still);
+    reading(chair, x, &accelerations(chair, x, u, still))
+}
+
+fn reading(chair: &Chair, x: &State, a: &Accelerations) -> Output {
     let (v, r, p, q, g) = (x[V], x[R], x[WR], -x[WP], chair.gravity);
     let [dx, dy, dz] = chair.lever;
     Output::new(
         x[S] - chair.reference_offset() * (x[PSI] - chair.heading_reference),
         x[PSI],
         x[WP],
-        v_dot + g * x[GX] - dy * r_dot + p * q * dy - dx * (q * q + r * r),
-        v * r + g * x[GY] + dx * r_dot + p * q * dx - dy * (p * p + r * r),
-        g * normal_share(x).0 - v * q + 2.0 * r * (p * dx + q * dy) - dz * (p * p + q * q),
+        a.v_dot + g * x[GX] - dy * a.r_dot + p * q * dy - dx * (q * q + r * r),
+        v * r + g * x[GY] + dx * a.r_dot + p * q * dx - dy * (p * p + r * r),
+        g * a.gz - v * q + 2.0 * r * (p * dx + q * dy) - dz * (p * p + q * q),
     )
 }
 
-/// Jacobian of [`output`].
-pub fn output_jacobian(chair: &Chair, x: &State, still: bool) -> SMatrix<f64, 6, 8> {
-    let [v_gradient, r_gradient] = motion_gradients(chair, x, still);
+/// [`output`] and its Jacobian at the price of one.
+pub fn observe(chair: &Chair, x: &State, u: &Command, still: bool) -> (Output, SMatrix<f64, 6, 8>) {
+    let a = accelerations(chair, x, u, still);
     let (v, r, p, q, g) = (x[V], x[R], x[WR], -x[WP], chair.gravity);
-    let (_, [gz_x, gz_y]) = normal_share(x);
     let [dx, dy, dz] = chair.lever;
     let mut jacobian = SMatrix::<f64, 6, 8>::zeros();
     jacobian[(0, S)] = 1.0;
@@ -121,8 +135,8 @@ pub fn output_jacobian(chair: &Chair, x: &State, still: bool) -> SMatrix<f64, 6,
     jacobian[(1, PSI)] = 1.0;
     jacobian[(2, WP)] = 1.0;
     for (k, column) in [V, R, GX, GY].into_iter().enumerate() {
-        jacobian[(3, column)] = v_gradient[k] - dy * r_gradient[k];
-        jacobian[(4, column)] = dx * r_gradient[k];
+        jacobian[(3, column)] = a.v_gradient[k] - dy * a.r_gradient[k];
+        jacobian[(4, column)] = dx * a.r_gradient[k];
     }
     jacobian[(3, R)] -= 2.0 * dx * r;
     jacobian[(3, GX)] += g;
@@ -135,11 +149,11 @@ pub fn output_jacobian(chair: &Chair, x: &State, still: bool) -> SMatrix<f64, 6,
     jacobian[(4, WR)] = q * dx - 2.0 * dy * p;
     jacobian[(5, V)] = -q;
     jacobian[(5, R)] = 2.0 * (p * dx + q * dy);
-    jacobian[(5, GX)] = g * gz_x;
-    jacobian[(5, GY)] = g * gz_y;
+    jacobian[(5, GX)] = g * a.gz_x;
+    jacobian[(5, GY)] = g * a.gz_y;
     jacobian[(5, WP)] = v - 2.0 * r * dy + 2.0 * dz * q;
     jacobian[(5, WR)] = 2.0 * r * dx - 2.0 * dz * p;
-    jacobian
+    (reading(chair, x, &a), jacobian)
 }
 
 /// What `wp'` and `wr'` add to the accelerometer per rad/s^2, m; the model leaves both to the noise.

@@ -48,12 +48,12 @@ mod motion;
 mod sensors;
 
 pub use biased::{
-    BiasedState, acceleration_driven, acceleration_driven_jacobian, biased_derivative, biased_jacobian, biased_observe,
-    biased_output, biased_output_jacobian,
+    BiasedState, acceleration_driven, acceleration_driven_linearise, biased_derivative, biased_linearise,
+    biased_observe, biased_output,
 };
 pub use encoder::{Unwrapper, wheel_angles, wheel_travel};
-pub use motion::{derivative, jacobian};
-pub use sensors::{encoder_covariance, observe, output, output_jacobian, pitch, pitch_gradient, tilt_lever};
+pub use motion::{derivative, linearise};
+pub use sensors::{Observation, encoder_covariance, observe, output, pitch, pitch_gradient, tilt_lever};
 
 use nalgebra::{SMatrix, SVector};
 
@@ -212,4 +212,5 @@ impl Trig {
 /// Columns of the state that [`Accelerations`] depend on.
 const COLUMNS: [usize; 4] = [ALPHA, V, R, XI];
 
-type Jacobian = SMatrix<f64, 6, 6>;
+/// Derivative of `[s', alpha', v', r', xi']` over the state; `w' = 0` has none.
+pub type MotionJacobian = SMatrix<f64, 5, 6>;

@@ -1,60 +1,73 @@
 //! Equations of motion `x' = f(x, u)` and their Jacobian.
 
-use super::{ALPHA, Accelerations, COLUMNS, Chair, Command, Dynamics, Jacobian, R, S, State, Trig, V, W, XI};
+use super::{ALPHA, Accelerations, COLUMNS, Chair, Command, Dynamics, MotionJacobian, R, S, State, Trig, V, W, XI};
+
+/// `v'` and `r'` with their partial derivatives over `v`, `r`, `gx`, `gy`, `gz`.
+pub(super) struct Motion {
+    pub v_dot: f64,
+    pub r_dot: f64,
+    pub v_partials: [f64; 5],
+    pub r_partials: [f64; 5],
+}
 
 /// `v'` and `r'` from what acts along the heading and about the normal.
 ///
 /// `gx = sin(alpha) sin(xi)` and `gy = cos(alpha) sin(xi)` are the shares of gravity along and
-/// across the heading, `gz = cos(xi)` the share on the plane's normal.
-pub(super) fn accelerations(chair: &Chair, v: f64, r: f64, gravity: [f64; 3], u: &Command) -> (f64, f64) {
-    let [gx, gy, gz] = gravity;
+/// across the heading, `gz = cos(xi)` the share on the plane's normal. Inlined, so that who needs no
+/// partial derivatives does not pay for them.
+#[inline(always)]
+pub(super) fn motion(chair: &Chair, v: f64, r: f64, [gx, gy, gz]: [f64; 3], u: &Command) -> Motion {
     let (mass, l) = (chair.mass, chair.com_ahead);
     let weight = mass * chair.gravity;
     let mut force = u[0] - chair.drag * v - weight * gx;
     let mut moment = u[1] - chair.yaw_drag * r - weight * l * gy;
+    let mut along = [-chair.drag, 0.0, -weight, 0.0, 0.0];
+    let mut about = [0.0, -chair.yaw_drag, 0.0, -weight * l, 0.0];
     if chair.dynamics == Dynamics::Full {
-        force += mass * l * r * r - weight * chair.rolling_coefficient * gz * (v / chair.smoothing_speed).tanh();
-        moment -= mass * l * v * r + chair.yaw_friction * (r / chair.smoothing_yaw_rate).tanh();
+        let (rolling, rolling_slope) = dry_friction(weight * chair.rolling_coefficient, v, chair.smoothing_speed);
+        let (turning, turning_slope) = dry_friction(chair.yaw_friction, r, chair.smoothing_yaw_rate);
+        force += mass * l * r * r - rolling * gz;
+        moment -= mass * l * v * r + turning;
+        along[0] -= rolling_slope * gz;
+        along[1] += 2.0 * mass * l * r;
+        along[4] -= rolling;
+        about[0] -= mass * l * r;
+        about[1] -= mass * l * v + turning_slope;
     }
-    (force / chair.inertial_mass(), moment / chair.inertia_at_axle())
+    let (per_mass, per_inertia) = (1.0 / chair.inertial_mass(), 1.0 / chair.inertia_at_axle());
+    Motion {
+        v_dot: force * per_mass,
+        r_dot: moment * per_inertia,
+        v_partials: along.map(|f| f * per_mass),
+        r_partials: about.map(|m| m * per_inertia),
+    }
 }
 
-/// Partial derivatives of [`accelerations`] over `v`, `r`, `gx`, `gy`, `gz`: rows `v'` and `r'`.
-pub(super) fn acceleration_partials(chair: &Chair, v: f64, r: f64, gz: f64) -> [[f64; 5]; 2] {
-    let (mass, l) = (chair.mass, chair.com_ahead);
-    let weight = mass * chair.gravity;
-    let mut force = [-chair.drag, 0.0, -weight, 0.0, 0.0];
-    let mut moment = [0.0, -chair.yaw_drag, 0.0, -weight * l, 0.0];
-    if chair.dynamics == Dynamics::Full {
-        let rolling = (v / chair.smoothing_speed).tanh();
-        let turning = (r / chair.smoothing_yaw_rate).tanh();
-        let resistance = weight * chair.rolling_coefficient;
-        force[0] -= resistance * gz * (1.0 - rolling * rolling) / chair.smoothing_speed;
-        force[1] += 2.0 * mass * l * r;
-        force[4] -= resistance * rolling;
-        moment[0] -= mass * l * r;
-        moment[1] -= mass * l * v + chair.yaw_friction * (1.0 - turning * turning) / chair.smoothing_yaw_rate;
+/// Friction `level tanh(rate/width)` and its slope over the rate.
+#[inline(always)]
+fn dry_friction(level: f64, rate: f64, width: f64) -> (f64, f64) {
+    if level == 0.0 {
+        return (0.0, 0.0);
     }
-    [force.map(|f| f / chair.inertial_mass()), moment.map(|m| m / chair.inertia_at_axle())]
+    let share = (rate / width).tanh();
+    (level * share, level * (1.0 - share * share) / width)
 }
 
-pub(super) fn accelerations_with_gradients(
-    chair: &Chair,
-    x: &State,
-    trig: &Trig,
-    u: &Command,
-    still: bool,
-) -> Accelerations {
+pub(super) fn accelerations(chair: &Chair, x: &State, trig: &Trig, u: &Command, still: bool) -> Accelerations {
     if still {
         return Accelerations::default();
     }
     let Trig { sa, ca, sx, cx } = *trig;
-    let (v_dot, r_dot) = accelerations(chair, x[V], x[R], [sa * sx, ca * sx, cx], u);
+    let motion = motion(chair, x[V], x[R], [sa * sx, ca * sx, cx], u);
     let chain = |[v, r, gx, gy, gz]: [f64; 5]| {
         [gx * ca * sx - gy * sa * sx, v, r, gx * sa * cx + gy * ca * cx - gz * sx] // alpha, v, r, xi
     };
-    let [v_partials, r_partials] = acceleration_partials(chair, x[V], x[R], cx);
-    Accelerations { v_dot, r_dot, v_gradient: chain(v_partials), r_gradient: chain(r_partials) }
+    Accelerations {
+        v_dot: motion.v_dot,
+        r_dot: motion.r_dot,
+        v_gradient: chain(motion.v_partials),
+        r_gradient: chain(motion.r_partials),
+    }
 }
 
 /// `x' = f(x, u)` (Oh & Hori, eq. 16-19 corrected, or the full Newton-Euler equations):
@@ -68,17 +81,26 @@ pub(super) fn accelerations_with_gradients(
 /// The source's model has neither `crr`, `tauc`, `mrot`, `irot` nor the terms in `M l r`.
 /// `still`: brakes or static friction hold the chair, `v' = r' = 0` whatever the command.
 pub fn derivative(chair: &Chair, x: &State, u: &Command, still: bool) -> State {
-    let ((sa, ca), (sx, cx)) = (x[ALPHA].sin_cos(), x[XI].sin_cos());
-    let (v_dot, r_dot) = if still { (0.0, 0.0) } else { accelerations(chair, x[V], x[R], [sa * sx, ca * sx, cx], u) };
+    let Trig { sa, ca, sx, cx } = Trig::of(x);
+    let (v_dot, r_dot) = if still {
+        (0.0, 0.0)
+    } else {
+        let motion = motion(chair, x[V], x[R], [sa * sx, ca * sx, cx], u);
+        (motion.v_dot, motion.r_dot)
+    };
+    rates(chair, x, sa, v_dot, r_dot)
+}
+
+fn rates(chair: &Chair, x: &State, sa: f64, v_dot: f64, r_dot: f64) -> State {
     State::new(x[V] + chair.pitch_travel * x[W] * sa, x[R], v_dot, r_dot, x[W], 0.0)
 }
 
-/// Jacobian of [`derivative`] over the state (eq. 44 corrected).
-pub fn jacobian(chair: &Chair, x: &State, u: &Command, still: bool) -> Jacobian {
+/// [`derivative`] and its Jacobian (eq. 44 corrected) at the price of one.
+pub fn linearise(chair: &Chair, x: &State, u: &Command, still: bool) -> (State, MotionJacobian) {
     let trig = Trig::of(x);
     let Trig { sa, ca, .. } = trig;
-    let a = accelerations_with_gradients(chair, x, &trig, u, still);
-    let mut jacobian = Jacobian::zeros();
+    let a = accelerations(chair, x, &trig, u, still);
+    let mut jacobian = MotionJacobian::zeros();
     jacobian[(S, ALPHA)] = chair.pitch_travel * x[W] * ca;
     jacobian[(S, V)] = 1.0;
     jacobian[(S, W)] = chair.pitch_travel * sa;
@@ -88,5 +110,5 @@ pub fn jacobian(chair: &Chair, x: &State, u: &Command, still: bool) -> Jacobian 
         jacobian[(V, column)] = a.v_gradient[k];
         jacobian[(R, column)] = a.r_gradient[k];
     }
-    jacobian
+    (rates(chair, x, sa, a.v_dot, a.r_dot), jacobian)
 }

@@ -1,10 +1,8 @@
 //! What the sensors read: `y = h(x, u)`, its Jacobian and the shape of its noise.
 
-use super::motion::accelerations_with_gradients;
-use super::{
-    ALPHA, Accelerations, Accelerometer, COLUMNS, Chair, Command, Gyro, Jacobian, Output, R, S, State, Trig, V, W, XI,
-};
-use nalgebra::{Matrix2, Vector3};
+use super::motion::accelerations;
+use super::{ALPHA, Accelerations, Accelerometer, COLUMNS, Chair, Command, Gyro, Output, R, S, State, Trig, V, W, XI};
+use nalgebra::{Matrix2, SMatrix, Vector3};
 
 /// `y = h(x, u)` (eq. 20 corrected, or a point of a rigid body).
 ///
@@ -18,19 +16,29 @@ use nalgebra::{Matrix2, Vector3};
 /// With `v'` from the motion, gravity cancels from `a_x`: it measures the force, not the slope.
 pub fn output(chair: &Chair, x: &State, u: &Command, still: bool) -> Output {
     let trig = Trig::of(x);
-    reading(chair, x, &trig, &accelerations_with_gradients(chair, x, &trig, u, still))
+    reading(chair, x, &trig, &accelerations(chair, x, &trig, u, still))
 }
 
-/// Jacobian of [`output`] over the state (eq. 45 corrected).
-pub fn output_jacobian(chair: &Chair, x: &State, u: &Command, still: bool) -> Jacobian {
-    observe(chair, x, u, still).1
+/// What the sensors are expected to read, and how that depends on the state of `N` numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation<const N: usize> {
+    /// The reading.
+    pub output: Output,
+    /// Its derivative over the state (eq. 45 corrected).
+    pub jacobian: SMatrix<f64, 6, N>,
+    /// As [`tilt_lever`].
+    pub tilt_lever: Vector3<f64>,
 }
 
-/// [`output`] and [`output_jacobian`] at the price of one.
-pub fn observe(chair: &Chair, x: &State, u: &Command, still: bool) -> (Output, Jacobian) {
+/// [`output`], its Jacobian and [`tilt_lever`] at the price of one.
+pub fn observe(chair: &Chair, x: &State, u: &Command, still: bool) -> Observation<6> {
     let trig = Trig::of(x);
-    let a = accelerations_with_gradients(chair, x, &trig, u, still);
-    (reading(chair, x, &trig, &a), sensitivity(chair, x, &trig, &a))
+    let a = accelerations(chair, x, &trig, u, still);
+    Observation {
+        output: reading(chair, x, &trig, &a),
+        jacobian: sensitivity(chair, x, &trig, &a),
+        tilt_lever: lever(chair, trig.sa, trig.ca),
+    }
 }
 
 fn reading(chair: &Chair, x: &State, trig: &Trig, a: &Accelerations) -> Output {
@@ -57,11 +65,11 @@ fn reading(chair: &Chair, x: &State, trig: &Trig, a: &Accelerations) -> Output {
     Output::new(travel, x[ALPHA], gyro, ax, ay, az)
 }
 
-fn sensitivity(chair: &Chair, x: &State, trig: &Trig, a: &Accelerations) -> Jacobian {
+fn sensitivity(chair: &Chair, x: &State, trig: &Trig, a: &Accelerations) -> SMatrix<f64, 6, 6> {
     let Trig { sa, ca, sx, cx } = *trig;
     let (v, r, w, g) = (x[V], x[R], x[W], chair.gravity);
     let [dx, dy, dz] = chair.lever;
-    let mut jacobian = Jacobian::zeros();
+    let mut jacobian = SMatrix::<f64, 6, 6>::zeros();
     jacobian[(0, S)] = 1.0;
     jacobian[(0, ALPHA)] = -chair.reference_offset();
     jacobian[(1, ALPHA)] = 1.0;
@@ -147,6 +155,10 @@ pub fn encoder_covariance(chair: &Chair, sigma: f64) -> Matrix2<f64> {
 /// What `xi''` adds to the rigid accelerometer per rad/s^2, m (m); the model leaves it to the noise.
 pub fn tilt_lever(chair: &Chair, alpha: f64) -> Vector3<f64> {
     let (sa, ca) = alpha.sin_cos();
+    lever(chair, sa, ca)
+}
+
+fn lever(chair: &Chair, sa: f64, ca: f64) -> Vector3<f64> {
     let [dx, dy, dz] = chair.lever;
     match chair.accelerometer {
         Accelerometer::Paper => Vector3::zeros(),
