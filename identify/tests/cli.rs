@@ -63,7 +63,7 @@ fn corrupt_logs_are_refused_and_leave_no_file() {
         ("ragged.csv", "ragged.csv:3: 1 cells"),
         ("twice.csv", "twice.csv:1: columns 2 and 3"),
         ("nan_time.csv", "nan_time.csv:3: the time is missing"),
-        ("binary.csv", "binary.csv:1: "),
+        ("binary.csv", "binary.csv: is no CSV file but text in UTF-16"),
         ("log.txt", "log.txt: unknown ending"),
         ("cut.parquet", "cut.parquet: "),
         ("cut.mf4", "cut.mf4: "),
@@ -96,7 +96,11 @@ fn bad_requests_are_refused_before_any_work() {
     std::fs::write(folder.path().join("newer.json"), "{\"format_version\": 99, \"parameters\": {}}").unwrap();
     for (arguments, words) in [
         ("fit nursing-robot log.csv --out log.csv", "log.csv: is an input"),
-        ("fit nursing-robot log.csv --out nowhere/fit.json", "nowhere/fit.json: cannot be written"),
+        (
+            "fit nursing-robot log.csv --out nowhere/fit.json",
+            "nowhere/fit.json: cannot be written: there is no directory 'nowhere'",
+        ),
+        ("fit nursing-robot log.csv --only ,", "--only: names no parameter"),
         ("fit nursing-robot log.csv --out .", "cannot be written: is a directory"),
         ("fit nursing-robot log.csv --columns none.toml", "none.toml: "),
         ("fit nursing-robot log.csv --params none.json", "none.json: "),
@@ -105,7 +109,10 @@ fn bad_requests_are_refused_before_any_work() {
         ("fit nursing-robot log.csv --params newer.json", "newer.json: format_version 99"),
         ("fit nursing-robot log.csv --set rolling.coefficient=low", "rolling.coefficient: 'low' is not a number"),
         ("simulate nursing-robot --scenario none --out x.csv", "none"),
-        ("simulate nursing-robot --scenario coughs --out x.dat", "x.dat: "),
+        (
+            "simulate nursing-robot --scenario coughs --out x.dat",
+            "x.dat: cannot be written: unknown ending; .csv, .parquet or .mf4 is expected",
+        ),
         ("simulate nursing-robot --scenario coughs --set robot.mass=-5 --out x.csv", "robot.mass"),
         (
             "estimate nursing-robot log.csv --model a.urdf --sensors s.toml --out r.csv",
@@ -220,6 +227,9 @@ fn a_fit_writes_all_its_files_and_starts_from_an_earlier_one() {
         let identified = parameter["identified"] == true;
         assert_eq!(read("fit.ssv").contains(&format!("name=\"{name}\"")), identified, "{name}");
     }
+    let told = identify(folder.path(), "fit nursing-robot log.csv --set human.stiffness_pitch=300");
+    let note = "human.stiffness_pitch was fitted although it was given";
+    assert!(told.status.code() == Some(0) && text(&told.stdout).replace("\n      ", " ").contains(note));
     let again = "fit nursing-robot log.csv --params fit.json --only rolling.coefficient,robot.drive_efficiency --out again.json";
     assert!(matches!(identify(folder.path(), again).status.code(), Some(0 | 1)));
     let json: serde_json::Value = serde_json::from_str(&read("again.json")).unwrap();
@@ -229,6 +239,7 @@ fn a_fit_writes_all_its_files_and_starts_from_an_earlier_one() {
         ("--set robot.mas=3", "robot.mass"),
         ("--set robot.mass=-3", "robot.mass = -3"),
         ("--set mass.law=sometimes", "exponential"),
+        ("--report new.json", "new.json: cannot be written: two outputs have this name"),
     ] {
         assert_refused(folder.path(), &format!("fit nursing-robot log.csv {arguments} --out new.json"), words);
     }

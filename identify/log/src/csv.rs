@@ -100,6 +100,9 @@ struct Column {
 }
 
 fn header(file: &str, record: &ByteRecord, line: u64) -> Result<Vec<Column>, LogError> {
+    if let Some(kind) = foreign(record.get(0).unwrap_or_default()) {
+        return Err(LogError::file(file, format!("is no CSV file but {kind}")));
+    }
     let mut columns: Vec<Column> = Vec::with_capacity(record.len());
     for (index, cell) in record.iter().enumerate() {
         // A byte order mark belongs to the file, not to the first name.
@@ -117,6 +120,17 @@ fn header(file: &str, record: &ByteRecord, line: u64) -> Result<Vec<Column>, Log
         columns.push(Column { name, values: Vec::new(), text: None });
     }
     Ok(columns)
+}
+
+/// What a file is that begins like this, if it is no text in UTF-8.
+fn foreign(start: &[u8]) -> Option<&'static str> {
+    match start {
+        [0x1f, 0x8b, ..] => Some("compressed (gzip); unpack it first"),
+        [b'P', b'K', 3, 4, ..] => Some("a zip archive or a spreadsheet; unpack it or save it as CSV first"),
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => Some("text in UTF-16; save it in UTF-8 first"),
+        _ if start.contains(&0) => Some("binary"),
+        _ => None,
+    }
 }
 
 /// A cell as a number: NaN if empty, `None` if it is text. Booleans as fmpy writes them are 0 and 1.

@@ -60,6 +60,9 @@ impl Format {
             "csv" => Ok(Self::Csv),
             "parquet" => Ok(Self::Parquet),
             "mf4" => Ok(Self::Mf4),
+            "gz" | "zip" | "bz2" | "xz" | "zst" => {
+                Err(LogError::file(&path.display().to_string(), "is compressed; unpack it first"))
+            }
             _ => Err(LogError::file(&path.display().to_string(), "unknown ending; .csv, .parquet or .mf4 is expected")),
         }
     }

@@ -23,7 +23,9 @@ pub struct OutputError {
 
 impl OutputError {
     fn new(path: &Path, reason: impl ToString) -> Self {
-        Self { path: path.display().to_string(), reason: reason.to_string().replace('\n', " ") }
+        let (path, reason) = (path.display().to_string(), reason.to_string().replace('\n', " "));
+        let named = format!("{path}: ");
+        Self { reason: reason.strip_prefix(&named).map_or(reason.clone(), str::to_owned), path }
     }
 }
 
@@ -37,6 +39,10 @@ impl Outputs {
     pub fn check(path: &Path) -> Result<(), OutputError> {
         if path.is_dir() {
             return Err(OutputError::new(path, "is a directory"));
+        }
+        let directory = directory(path);
+        if !directory.is_dir() {
+            return Err(OutputError::new(path, format!("there is no directory '{}'", directory.display())));
         }
         temporary(path).map(drop)
     }
@@ -52,6 +58,9 @@ impl Outputs {
         path: &Path,
         fill: impl FnOnce(File) -> Result<(), E>,
     ) -> Result<(), OutputError> {
+        if self.waiting.iter().any(|(_, other)| other == path) {
+            return Err(OutputError::new(path, "two outputs have this name"));
+        }
         let waiting = temporary(path)?;
         let file = waiting.as_file().try_clone().map_err(|e| OutputError::new(path, e))?;
         fill(file).map_err(|e| OutputError::new(path, e.to_string()))?;
@@ -68,12 +77,16 @@ impl Outputs {
     }
 }
 
-/// A file in the same directory, so that renaming it is one step.
-fn temporary(path: &Path) -> Result<NamedTempFile, OutputError> {
-    let directory = match path.parent() {
+/// The directory that a file is in.
+fn directory(path: &Path) -> &Path {
+    match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
-    };
+    }
+}
+
+/// A file in the same directory, so that renaming it is one step.
+fn temporary(path: &Path) -> Result<NamedTempFile, OutputError> {
     let mut builder = Builder::new();
     builder.prefix(".wheelstate-");
     #[cfg(unix)]
@@ -82,5 +95,5 @@ fn temporary(path: &Path) -> Result<NamedTempFile, OutputError> {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    builder.tempfile_in(directory).map_err(|e| OutputError::new(path, e))
+    builder.tempfile_in(directory(path)).map_err(|e| OutputError::new(path, e.kind()))
 }

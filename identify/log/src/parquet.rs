@@ -28,7 +28,9 @@ fn parse(path: &Path, progress: &Progress) -> Result<Table, LogError> {
     let name = path.display().to_string();
     let file = File::open(path).map_err(|e| LogError::file(&name, e.to_string()))?;
     let sha256 = super::csv::sha256(path).map_err(|e| LogError::file(&name, e.to_string()))?;
-    let fail = |e: ParquetError| LogError::file(&name, e.to_string().replace('\n', " "));
+    let fail = |e: ParquetError| {
+        LogError::file(&name, format!("not a readable Parquet file: {}", e.to_string().replace('\n', " ")))
+    };
     let reader = SerializedFileReader::new(file).map_err(fail)?;
     let schema = reader.metadata().file_metadata().schema_descr();
     let mut columns: Vec<(String, Vec<f64>)> = Vec::new();

@@ -1,6 +1,6 @@
 //! What the readers deliver before a column map turns it into a log.
 
-use super::columns::{self, ColumnMap};
+use super::columns::ColumnMap;
 use super::error::{listed, quoted};
 use super::{Channel, Log, LogError};
 
@@ -75,16 +75,16 @@ pub(super) fn time_column(file: &str, names: &[&str]) -> Result<usize, LogError>
     if let Some(index) = names.iter().position(|name| *name == "time") {
         return Ok(index);
     }
-    let what = match names {
-        [one] if one.contains(';') => {
-            "no column 'time'; the columns seem to be separated by semicolons, commas are expected".to_owned()
-        }
-        _ => {
-            let near = columns::nearest("time", names).or(names.first().copied()).unwrap_or("t");
-            let columns = listed(names.iter().copied());
-            let near = quoted(near).replace('\'', "\"");
-            format!("no column 'time' (columns: {columns}); a column map can name another one: time = {near}")
-        }
-    };
+    let separated = [(';', "semicolons"), ('\t', "tabs")];
+    let first = names.first().copied().unwrap_or_default();
+    if let Some((_, by)) = separated.iter().find(|(separator, _)| first.contains(*separator)) {
+        let what = format!("no column 'time'; the columns seem to be separated by {by}, commas are expected");
+        return Err(LogError::file(file, format!("{what} (and decimal points)")));
+    }
+    let like_time = |name: &&&str| ["time", "stamp"].iter().any(|word| name.to_lowercase().contains(word));
+    let near = names.iter().find(like_time).or(names.iter().find(|name| name.to_lowercase().starts_with('t')));
+    let near = quoted(near.or(names.first()).unwrap_or(&"t")).replace('\'', "\"");
+    let columns = listed(names.iter().copied());
+    let what = format!("no column 'time' (columns: {columns}); a column map can name another one: time = {near}");
     Err(LogError::file(file, what))
 }

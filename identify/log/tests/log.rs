@@ -106,6 +106,11 @@ fn broken_files_are_refused_in_one_line_that_names_the_place() {
         ("time,speed,speed\n0,1,2\n1,2,3\n", "log.csv:1: columns 2 and 3 are both named 'speed'"),
         ("t,speed\n0,1\n1,2\n", "no column 'time' (columns: t, speed)"),
         ("time;speed\n0;1\n1;2\n", "separated by semicolons"),
+        ("time;speed\n0,0;1,5\n0,1;2,5\n", "separated by semicolons"),
+        ("time;v (a,b)\n0,0;1,5\n0,1;2,5\n", "separated by semicolons"),
+        ("time\tspeed\n0\t1\n1\t2\n", "separated by tabs"),
+        ("speed,tilt,t_stamp\n0,1,2\n1,2,3\n", "time = \"t_stamp\""),
+        ("\u{1f}\u{0}x", "is no CSV file but binary"),
         ("speed,Time\n0,1\n1,2\n", "time = \"Time\""),
     ] {
         let error = csv(text).unwrap_err();
@@ -128,6 +133,10 @@ fn control_characters_and_long_texts_do_not_reach_the_message() {
 fn files_that_are_no_logs_are_refused() {
     let folder = TempDir::new().unwrap();
     for (name, bytes, expected) in [
+        ("log.csv.gz", &b"\x1f\x8b\x08"[..], "log.csv.gz: is compressed"),
+        ("gzip.csv", b"\x1f\x8b\x08\0\0\0\n\n", "gzip.csv: is no CSV file but compressed"),
+        ("sheet.csv", b"PK\x03\x04\x14\0\n\n", "sheet.csv: is no CSV file but a zip archive"),
+        ("wide.csv", b"\xff\xfet\0i\0m\0e\0\n\0", "wide.csv: is no CSV file but text in UTF-16"),
         ("log.txt", &b"time,x\n0,1\n1,2\n"[..], "unknown ending"),
         ("log.parquet", b"PAR1 this is no parquet file PAR1", "log.parquet: "),
         ("empty.parquet", b"", "empty.parquet: "),
@@ -200,6 +209,7 @@ fn wrong_maps_are_refused_in_one_line_that_names_map_and_key() {
             "time = \"t_ms\"\nspeed = { column = \"v_kmh\", scale = \"2\" }",
             "map.toml: speed: scale = \"2\" is not a finite number",
         ),
+        ("time = \"t_ms\"\nspeed = { column = \"v_kmh\", scale = 0 }", "map.toml: speed: scale = 0 would wipe"),
         ("time = \"t_ms\"\nspeed = 3", "map.toml: speed: a column name or a table"),
         (
             "time = \"t_ms\"\nspeed = { column = \"v_kmh\", missing_if = \"v_kmh <\" }",

@@ -61,6 +61,9 @@ pub(super) fn run(args: &FitArgs) -> Result<Outcome, Refusal> {
         keep_inputs(Some(output), &args.logs.logs)?;
         Outputs::check(output)?;
     }
+    if !args.only.is_empty() && args.only.iter().all(|name| name.trim().is_empty()) {
+        return Err(Refusal("--only: names no parameter".to_owned()));
+    }
     let request = FitRequest {
         start: args.params.as_deref().map_or(Ok(Vec::new()), |path| settings::start_values(args.vehicle, path))?,
         settings: settings::numbers(args.vehicle, &args.settings)?,

@@ -216,6 +216,9 @@ pub fn fit_problem(
     let mut session = Session::new(request, &targets);
     (problem.estimate)(&task, &mut session)?;
     session.complete(&wanted);
+    for (name, _) in request.settings.iter().filter(|(name, _)| wanted.contains(name)) {
+        session.note(format!("{name} was fitted although it was given; --only leaves parameters out"));
+    }
     progress.advance(1);
 
     let (training, held_out): (Vec<Log>, Vec<Log>) = logs.iter().map(|log| log.split(TRAINING_SHARE)).unzip();

@@ -200,6 +200,9 @@ impl Rule {
         };
         let unit = text("unit")?.map(unit::find).transpose()?;
         let scale = number("scale")?.unwrap_or(1.0);
+        if scale == 0.0 {
+            return Err("scale = 0 would wipe the channel out; value = 0 is a channel of zeros".to_owned());
+        }
         Ok(Self {
             source,
             scale,
@@ -265,13 +268,13 @@ pub fn nearest<'a>(name: &str, names: &[&'a str]) -> Option<&'a str> {
     ranked.filter(|(d, _)| *d <= 1 + name.chars().count() / 4).map(|(_, candidate)| candidate)
 }
 
-/// Edits between two names, case ignored; 1 if one contains the other.
+/// Edits between two names, case ignored; 1 if one contains the other, which is no mere letter.
 fn distance(a: &str, b: &str) -> usize {
     let (a, b) = (a.to_lowercase(), b.to_lowercase());
     if a == b {
         return 0;
     }
-    if !a.is_empty() && !b.is_empty() && (a.contains(&b) || b.contains(&a)) {
+    if a.len().min(b.len()) > 1 && (a.contains(&b) || b.contains(&a)) {
         return 1;
     }
     let b: Vec<char> = b.chars().take(80).collect();
