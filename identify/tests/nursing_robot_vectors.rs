@@ -8,6 +8,7 @@ use wheelstate_identify::problem::nursing_robot::refine::{Segment, Setup, refine
 use wheelstate_identify::problem::nursing_robot::rows::{self, Body, Drive, Signals, Windows};
 use wheelstate_identify::problem::nursing_robot::sway::Passive;
 use wheelstate_identify::problem::weak_form::Bump;
+use wheelstate_identify::progress::Progress;
 use wheelstate_identify::solve::{Loss, Options, Regression, Rows, Unknown, solve};
 
 fn expected() -> serde_json::Value {
@@ -49,7 +50,7 @@ fn signals() -> Signals {
 
 fn regression(kind: &str, body: &Body, signals: &Signals) -> Regression {
     let bump = if kind == "blind" { Bump::polynomial(200, 0.01, 6) } else { Bump::polynomial(120, 0.01, 4) };
-    let windows = Windows { signals, bump: &bump, stride: 10, cluster: 12 };
+    let windows = Windows { signals, bump: &bump, stride: 10, cluster: 12, progress: Progress::none() };
     let stiffness = || vec![Unknown::within("k", 0.0, 5000.0), Unknown::within("c", 0.0, 500.0), Unknown::free("k0")];
     let unknowns = match kind {
         "long_f" => vec![Unknown::within("f", 0.0, 0.1)],
@@ -117,7 +118,13 @@ fn refinement_matches_the_reference() {
         rest: huber[2].as_f64().unwrap() / huber[0].as_f64().unwrap(),
     };
     // The reference weighs speeds with 0.006 m/s: sensor noise and quantisation.
-    let setup = Setup { speed_std: 0.006, pitch_std: Some(0.01), efficiency: false, loss: Loss::Huber };
+    let setup = Setup {
+        speed_std: 0.006,
+        pitch_std: Some(0.01),
+        efficiency: false,
+        loss: Loss::Huber,
+        progress: &Progress::none(),
+    };
     let segment = Segment { signals: &signals, samples: 0..1500 };
     let solution = refine(&[segment], &body, &start, &setup).unwrap().solution;
     let reference = &expected["refine_15s"];

@@ -1,15 +1,27 @@
 //! How a long computation tells how far it is and learns that it shall stop.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+/// Length of a bar that is told in shares.
+const SHARES: f64 = 1000.0;
+
 /// A handle that library functions take by reference. [`Progress::none`] shows nothing.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Progress {
     bar: Option<ProgressBar>,
     stop: Arc<AtomicBool>,
+    /// What the handle is about, as shares of the present work.
+    part: Range<f64>,
+}
+
+impl Default for Progress {
+    fn default() -> Self {
+        Self { bar: None, stop: Arc::default(), part: 0.0..1.0 }
+    }
 }
 
 impl Progress {
@@ -21,7 +33,7 @@ impl Progress {
     /// A bar on stderr, and only if that is a terminal.
     pub fn terminal() -> Self {
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(10));
-        Self { bar: Some(bar), stop: Arc::default() }
+        Self { bar: Some(bar), ..Self::default() }
     }
 
     /// Begins a part of the work of `total` equal pieces, as in `start("reading log.csv", 3_600)`.
@@ -29,11 +41,36 @@ impl Progress {
         let Some(bar) = &self.bar else { return };
         let style = ProgressStyle::with_template("{msg:28!} {bar:32} {percent:>3} %  {eta:>5}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        // Also brings back a bar that was taken off the terminal.
+        bar.reset();
         bar.set_message(what.into());
         bar.set_length(total.max(1));
-        bar.set_position(0);
         bar.reset_eta();
         bar.enable_steady_tick(Duration::from_millis(200));
+    }
+
+    /// Begins a part of the work that is told in shares: by [`reach`](Self::reach) and [`part`](Self::part).
+    pub fn start_shares(&self, what: impl Into<String>) {
+        self.start(what, SHARES as u64);
+    }
+
+    /// A handle for a part of the work that this handle is about, from one share (0 to 1) to another.
+    pub fn part(&self, part: Range<f64>) -> Self {
+        let at = |share: f64| self.part.start + share * (self.part.end - self.part.start);
+        Self { part: at(part.start)..at(part.end), ..self.clone() }
+    }
+
+    /// The `index`th of `count` equal parts.
+    pub fn piece(&self, index: usize, count: usize) -> Self {
+        self.part(index as f64 / count as f64..(index + 1) as f64 / count as f64)
+    }
+
+    /// `share` (0 to 1) of what this handle is about is done. The bar never goes back.
+    pub fn reach(&self, share: f64) {
+        if let Some(bar) = &self.bar {
+            let position = (SHARES * self.part(share..1.0).part.start) as u64;
+            bar.set_position(position.max(bar.position()));
+        }
     }
 
     /// Changes what is shown beside the bar, as in `describe("tuning, best 1.23")`.

@@ -58,11 +58,12 @@ impl Log {
         runs
     }
 
-    /// A part of the log.
-    pub fn slice(&self, samples: Range<usize>) -> Self {
+    /// A part of the log with those channels whose names `keep` accepts.
+    pub fn slice(&self, samples: Range<usize>, keep: impl Fn(&str) -> bool) -> Self {
         let channels = self
             .channels
             .iter()
+            .filter(|channel| keep(&channel.name))
             .map(|channel| Channel { name: channel.name.clone(), values: channel.values[samples.clone()].to_vec() });
         Self {
             source: self.source.clone(),
@@ -75,7 +76,7 @@ impl Log {
     /// The first `share` of the samples (0 to 1) and the rest.
     pub fn split(&self, share: f64) -> (Self, Self) {
         let at = ((self.len() as f64 * share).round() as usize).min(self.len());
-        (self.slice(0..at), self.slice(at..self.len()))
+        (self.slice(0..at, |_| true), self.slice(at..self.len(), |_| true))
     }
 
     /// The log on the uniform grid `first time + k period`, linearly interpolated. A grid point

@@ -6,9 +6,11 @@
 //! run over the log with the sensors that the log has (`use.*` set by the user override that), or
 //! from columns `tau_<joint>`, such as `identify estimate` writes, for any body.
 
+use super::noise::noise_of;
 use super::{FitError, Judgement, Known, Prediction, Problem, Session, Target, Task};
 use crate::assess::Limits;
 use crate::log::Log;
+use crate::progress::Progress;
 use crate::report::Trace;
 use crate::solve::{Regression, Rows, Unknown};
 use crate::vehicle::Vehicle;
@@ -60,7 +62,7 @@ struct Joint<'a> {
 type Series = Vec<Vec<f64>>;
 
 /// Torques and their standard deviations of one log.
-fn torques(log: &Log, known: &Known) -> Result<(Series, Series), FitError> {
+fn torques(log: &Log, known: &Known, progress: &Progress) -> Result<(Series, Series), FitError> {
     let mut parameters = Parameters::default();
     for variable in Parameters::declare() {
         parameters.set(&variable.name, known.get(&variable.name))?;
@@ -93,6 +95,10 @@ fn torques(log: &Log, known: &Known) -> Result<(Series, Series), FitError> {
     let empty = || vec![Vec::with_capacity(log.len()); JOINTS.len()];
     let (mut tau, mut std) = (empty(), empty());
     for row in 0..log.len() {
+        if row % 1000 == 0 {
+            progress.check()?;
+            progress.reach(row as f64 / log.len() as f64);
+        }
         for (slot, channel) in flat.iter_mut().zip(&channels) {
             *slot = channel.map_or(*slot, |values| values[row]);
         }
@@ -125,11 +131,10 @@ fn columns_of<'a>(group: &'a str, inputs: &'a [Variable]) -> impl Iterator<Item 
 fn collect<'a>(task: &Task<'a>) -> Result<Vec<(String, Vec<Joint<'a>>)>, FitError> {
     let names = joints(task.logs);
     let mut all: Vec<(String, Vec<Joint>)> = names.iter().map(|name| (name.clone(), vec![])).collect();
-    task.progress.start("estimating torques", task.logs.len() as u64);
-    for log in task.logs {
-        task.progress.check()?;
+    for (index, log) in task.logs.iter().enumerate() {
         let own = names.iter().all(|name| log.channel(&format!("tau_{name}")).is_some());
-        let estimated = if own { None } else { Some(torques(log, task.known)?) };
+        let estimated =
+            if own { None } else { Some(torques(log, task.known, &task.progress.piece(index, task.logs.len()))?) };
         for (k, (name, list)) in all.iter_mut().enumerate() {
             let (tau, std) = match &estimated {
                 Some((tau, std)) => (tau[k].clone(), std[k].clone()),
@@ -146,18 +151,8 @@ fn collect<'a>(task: &Task<'a>) -> Result<Vec<(String, Vec<Joint<'a>>)>, FitErro
                 std,
             });
         }
-        task.progress.advance(1);
     }
     Ok(all)
-}
-
-/// Standard deviation of white noise on a smooth signal, from its third differences.
-fn noise(signal: &[f64]) -> f64 {
-    let mut squares: Vec<f64> =
-        (signal.windows(4)).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).filter(|d| d.is_finite()).collect();
-    squares.sort_by(f64::total_cmp);
-    // the median of |N(0, 1)| is 0.6745, the third difference has the variance 1 + 9 + 9 + 1
-    squares.get(squares.len() / 2).map_or(0.0, |median| median / (0.6745 * 20.0_f64.sqrt()))
 }
 
 fn spread(values: &[f64]) -> f64 {
@@ -215,8 +210,8 @@ fn rows(task: &Task, logs: &[Joint]) -> Rows {
             rows.push(&[-joint.q[k], -joint.qd[k], 1.0], tau, last);
         }
         first = last + 1;
-        of_q = of_q.max(noise(joint.q));
-        of_qd = of_qd.max(noise(joint.qd));
+        of_q = of_q.max(noise_of(joint.q));
+        of_qd = of_qd.max(noise_of(joint.qd));
     }
     let mut covariance = vec![0.0; 16];
     covariance[0] = of_q * of_q;

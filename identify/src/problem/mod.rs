@@ -111,7 +111,7 @@ pub struct Task<'a> {
     pub only: bool,
     /// Whether to refine by output error.
     pub refine: bool,
-    /// Where to report progress.
+    /// Where to report progress: by [`Progress::reach`] and [`Progress::part`], in shares of this task.
     pub progress: &'a Progress,
 }
 
@@ -212,18 +212,19 @@ pub fn fit_problem(
     let wanted = wanted(&targets, &request.only)?;
     let task =
         Task { logs, known: &known, wanted: &wanted, only: !request.only.is_empty(), refine: request.refine, progress };
-    progress.start("fitting", 2);
+    progress.start_shares("fitting");
     let mut session = Session::new(request, &targets);
-    (problem.estimate)(&task, &mut session)?;
+    (problem.estimate)(&Task { progress: &progress.part(0.0..0.5), ..task }, &mut session)?;
     session.complete(&wanted);
     for (name, _) in request.settings.iter().filter(|(name, _)| wanted.contains(name)) {
         session.note(format!("{name} was fitted although it was given; --only leaves parameters out"));
     }
-    progress.advance(1);
 
-    let (training, held_out): (Vec<Log>, Vec<Log>) = logs.iter().map(|log| log.split(TRAINING_SHARE)).unzip();
+    progress.describe("validating");
+    let (training, held_out): (Vec<Log>, Vec<Log>) = logs.iter().map(split).unzip();
+    let task = Task { progress: &progress.part(0.5..1.0), ..task };
     let validation = validate(problem, &task, &targets, request, &training, &held_out)?;
-    progress.advance(1);
+    progress.reach(1.0);
 
     let report = session.report(&known);
     Ok(FitReport {
@@ -249,6 +250,14 @@ fn wanted(targets: &[Target], only: &[String]) -> Result<Vec<String>, FitError> 
     Ok(only.to_vec())
 }
 
+/// The part of a log that the validation's fit sees and the rest, both without the references
+/// (`true_*`) that no fit looks at: they may be most of a simulated log.
+fn split(log: &Log) -> (Log, Log) {
+    let at = (log.len() as f64 * TRAINING_SHARE).round() as usize;
+    let part = |samples: std::ops::Range<usize>| log.slice(samples, |name| !name.starts_with("true_"));
+    (part(0..at), part(at..log.len()))
+}
+
 /// Fits the first part and predicts the second.
 fn validate(
     problem: &Problem,
@@ -259,7 +268,8 @@ fn validate(
     held_out: &[Log],
 ) -> Result<(Validation, Vec<Trace>), FitError> {
     let mut session = Session::new(request, targets);
-    match (problem.estimate)(&Task { logs: training, ..*task }, &mut session) {
+    let part = |from: f64, to: f64| task.progress.part(from..to);
+    match (problem.estimate)(&Task { logs: training, progress: &part(0.0, 0.6), ..*task }, &mut session) {
         Ok(()) => {}
         Err(FitError::Interrupted(stop)) => return Err(stop.into()),
         // The first part alone may not suffice: then there is nothing to validate with.
@@ -269,8 +279,8 @@ fn validate(
     for (name, value) in session.values() {
         known.assume(name, value);
     }
-    let ahead = (problem.validate)(&Task { logs: held_out, known: &known, ..*task });
-    let behind = (problem.validate)(&Task { logs: training, known: &known, ..*task });
+    let ahead = (problem.validate)(&Task { logs: held_out, known: &known, progress: &part(0.6, 0.8), ..*task });
+    let behind = (problem.validate)(&Task { logs: training, known: &known, progress: &part(0.8, 1.0), ..*task });
     let mut signals: Vec<SignalFit> = ahead.iter().map(crate::assess::validation::signal_fit).collect();
     for signal in &mut signals {
         let same = behind.iter().find(|prediction| prediction.trace.name == signal.name);

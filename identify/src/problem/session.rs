@@ -2,6 +2,7 @@
 
 use super::{FitError, Known, Target};
 use crate::assess::{Evidence, Limits, Verdict, verdict};
+use crate::progress::Progress;
 use crate::report::{CorrelationPair, Covariance, FitReport, Parameter, Verdict as Shade};
 use crate::request::FitRequest;
 use crate::solve::{self, Accuracy, Loss, Options, Regression, Smooth, Solution, SolveError};
@@ -37,6 +38,8 @@ struct Estimate {
 
 /// Solves and remembers.
 pub struct Session<'a> {
+    /// Where a refinement tells how far it is.
+    pub progress: Progress,
     options: Options,
     targets: &'a [Target],
     solutions: Vec<Solution>,
@@ -50,6 +53,7 @@ impl<'a> Session<'a> {
     /// An empty session.
     pub fn new(request: &FitRequest, targets: &'a [Target]) -> Self {
         Self {
+            progress: Progress::none(),
             options: Options { loss: request.loss, correct: request.correct, ..Options::default() },
             targets,
             solutions: Vec::new(),

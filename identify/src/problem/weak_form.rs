@@ -12,6 +12,11 @@ pub struct Bump {
 }
 
 impl Bump {
+    /// Steps of a window of so many seconds; at least 20, however slow the sampling.
+    pub fn steps(seconds: f64, period: f64) -> usize {
+        ((seconds / period).round() as usize).max(20)
+    }
+
     /// `psi(s) = (1 - s^2)^p` on `n + 1` samples, `s = -1 + 2 t / T`, `T = n dt`.
     pub fn polynomial(n: usize, dt: f64, p: i32) -> Self {
         let rate = 2.0 / (n as f64 * dt);
@@ -62,6 +67,11 @@ impl Bump {
     /// Whether there is no sample.
     pub fn is_empty(&self) -> bool {
         self.weights[0].is_empty()
+    }
+
+    /// First samples of the windows that fit into `samples`, every `stride`.
+    pub fn starts(&self, samples: usize, stride: usize) -> impl Iterator<Item = usize> + use<> {
+        (0..(samples + 1).saturating_sub(self.len())).step_by(stride)
     }
 
     /// `int psi^(order) x dt` over the window that starts at sample `start`; NaN samples make it NaN.

@@ -9,7 +9,9 @@ use super::{
     Affine, Constraint, HUBER_DELTA, Loss, Options, Regression, Rows, Scale, Solution, SolveError, Unknown, robust,
 };
 use crate::assess;
+use crate::progress::Progress;
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A group of residuals of one unit.
 #[derive(Clone, Debug)]
@@ -75,6 +77,8 @@ pub struct Smooth<'a> {
     pub trust: Trust,
     /// Passes over the whole refinement between which [`Scale::Robust`] groups are rescaled.
     pub passes: usize,
+    /// Where to tell how far it is.
+    pub progress: Progress,
 }
 
 /// Steps per pass at most.
@@ -115,13 +119,15 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
     let mut costs = Vec::new();
     let mut accuracy = super::Accuracy::Solved;
     let options = Options { loss, ..Options::default() };
-    for _ in 0..problem.passes.max(1) {
+    let passes = problem.passes.max(1);
+    for pass in 0..passes {
         rescale(&current, &mut scales);
         let mut trust = problem.trust.radius;
         let mut value = cost(problem, &current, &scales, &theta, loss);
         costs.push(value);
-        for _ in 0..STEPS {
-            let jacobian = jacobian(problem, &theta, &current);
+        for step in 0..STEPS {
+            let progress = problem.progress.piece(pass, passes).piece(step, STEPS);
+            let jacobian = jacobian(problem, &theta, &current, &progress);
             let before = value;
             for _ in 0..ATTEMPTS {
                 let step = linearised(problem, &theta, &current, &jacobian, trust);
@@ -159,7 +165,7 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
             }
         }
     }
-    let jacobian = jacobian(problem, &theta, &current);
+    let jacobian = jacobian(problem, &theta, &current, &problem.progress);
     let end = linearised(problem, &theta, &current, &jacobian, f64::INFINITY);
     let at_bound = theta
         .iter()
@@ -198,7 +204,8 @@ fn cost(problem: &Smooth, residuals: &[Vec<f64>], scales: &[f64], theta: &[f64],
 }
 
 /// Forward differences of `-residuals`, one vector per unknown and group.
-fn jacobian(problem: &Smooth, theta: &[f64], current: &[Vec<f64>]) -> Vec<Vec<Vec<f64>>> {
+fn jacobian(problem: &Smooth, theta: &[f64], current: &[Vec<f64>], progress: &Progress) -> Vec<Vec<Vec<f64>>> {
+    let done = AtomicUsize::new(0);
     (0..theta.len())
         .into_par_iter()
         .map(|index| {
@@ -206,6 +213,7 @@ fn jacobian(problem: &Smooth, theta: &[f64], current: &[Vec<f64>]) -> Vec<Vec<Ve
             let step = 1e-4 * problem.typical[index];
             moved[index] += step;
             let ahead = (problem.residuals)(&moved);
+            progress.reach((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / theta.len() as f64);
             current
                 .iter()
                 .zip(&ahead)

@@ -33,6 +33,7 @@ use super::weak_form::Bump;
 use super::{FitError, Fitted, Judgement, Known, Problem, Session, Target, Task};
 use crate::assess::Limits;
 use crate::log::Log;
+use crate::progress::Progress;
 use crate::solve::{Regression, Rows, Unknown};
 use crate::vehicle::Vehicle;
 use refine::{Segment, Setup};
@@ -66,9 +67,7 @@ fn targets(_: &[Log]) -> Vec<Target> {
 
 /// Length of the windows in seconds, and the bump's power.
 fn bump(period: f64, seconds: f64, power: i32) -> Bump {
-    // At slow sampling a window has at least 20 samples.
-    let n = ((seconds / period).round() as usize).max(20);
-    Bump::polynomial(n, period, power)
+    Bump::polynomial(Bump::steps(seconds, period), period, power)
 }
 
 /// A bump per log and the signals it goes over.
@@ -79,16 +78,21 @@ pub(super) struct Windowed {
 }
 
 impl Windowed {
-    fn windows<'a>(&'a self, bump: &'a Bump) -> Windows<'a> {
+    fn windows<'a>(&'a self, bump: &'a Bump, progress: Progress) -> Windows<'a> {
         let stride = ((bump.len() - 1) / rows::OVERLAP).max(1);
         // Roads, wind and people change slowly: a long log has 40 clusters, not thousands.
         let cluster = rows::OVERLAP.max(self.signals.len() / stride / 40);
-        Windows { signals: &self.signals, bump, stride, cluster }
+        Windows { signals: &self.signals, bump, stride, cluster, progress }
     }
 
-    pub(super) fn sway(&self) -> Windows<'_> {
-        self.windows(&self.sway)
+    pub(super) fn sway(&self, progress: Progress) -> Windows<'_> {
+        self.windows(&self.sway, progress)
     }
+}
+
+/// The windows of each log, with its share of the progress.
+fn over<'a>(logs: &'a [Windowed], progress: &Progress) -> impl Iterator<Item = Windows<'a>> {
+    logs.iter().enumerate().map(|(index, log)| log.sway(progress.piece(index, logs.len())))
 }
 
 pub(super) fn windowed(task: &Task) -> Result<Vec<Windowed>, FitError> {
@@ -122,17 +126,24 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     }
     let seated = body.j > 0.0;
     let mut hip = passive(task.known);
+    let tilt = logs.iter().any(|log| !log.signals.pitch.is_empty());
+    let refining = task.refine || !tilt;
+    // Shares of the work: pitch up to the first, output error to the second, roll to the third.
+    let [first, second, third] = if refining { [0.1, 0.8, 0.9] } else { [0.4, 0.4, 0.7] };
+    let part = |from: f64, to: f64| task.progress.part(from..to);
     let wanted = task.wanted_of(&PITCH);
     if !wanted.is_empty() && seated {
-        let tilt = logs.iter().any(|log| !log.signals.pitch.is_empty());
-        let found = if tilt { pitch(&logs, &body, session)? } else { blind(&logs, &body, session)? };
+        let progress = part(0.0, first);
+        let found =
+            if tilt { pitch(&logs, &body, &progress, session)? } else { blind(&logs, &body, &progress, session)? };
         hip = found.unwrap_or(hip);
-        if task.refine || !tilt {
+        if refining {
+            session.progress = part(first, second);
             hip = output_error(task, &logs, &body, &hip, tilt, session)?;
         }
     }
     if !task.wanted_of(&ROLL).is_empty() && seated {
-        roll(&logs, &body, session)?;
+        roll(&logs, &body, &part(second, third), session)?;
     }
     for name in PITCH.iter().chain(&ROLL).filter(|_| !seated) {
         session.give_up(name, "human.nominal_mass or human.swaying_fraction is 0, so nothing sways");
@@ -142,9 +153,9 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
         log.signals.pitch = sway::pitch_from_speed(&log.signals, &body, &hip);
     }
     if task.wants(ROBOT_MASS) || task.wants(HUMAN_MASS) {
-        mass(task, &logs, &body, session)
+        mass(task, &logs, &body, &part(third, 1.0), session)
     } else if task.wants(ROLLING) || task.wants(EFFICIENCY) {
-        force_balance(task, &logs, &body, session)
+        force_balance(task, &logs, &body, &part(third, 1.0), session)
     } else {
         Ok(())
     }
@@ -181,10 +192,15 @@ fn spring() -> Vec<Unknown> {
     vec![Unknown::within("k", 0.0, 5000.0), Unknown::within("c", 0.0, 500.0), Unknown::free("k phi_0")]
 }
 
-fn pitch(logs: &[Windowed], body: &Body, session: &mut Session) -> Result<Option<Passive>, FitError> {
+fn pitch(
+    logs: &[Windowed],
+    body: &Body,
+    progress: &Progress,
+    session: &mut Session,
+) -> Result<Option<Passive>, FitError> {
     let mut all = Rows::new("pitch moment", "N.m.s", 3);
-    for log in logs.iter().filter(|log| !log.signals.pitch.is_empty()) {
-        rows::pitch(&mut all, &log.sway(), body);
+    for windows in over(logs, progress).filter(|windows| !windows.signals.pitch.is_empty()) {
+        rows::pitch(&mut all, &windows, body);
     }
     all.noise = noise::pitch(logs, body);
     let fit = session.solve(&regression("pitch", spring(), all), &PITCH)?;
@@ -195,15 +211,15 @@ fn pitch(logs: &[Windowed], body: &Body, session: &mut Session) -> Result<Option
     Ok(Some(Passive { stiffness: theta[0], damping: theta[1], rest: theta[2] / theta[0].max(1.0), rolling }))
 }
 
-fn roll(logs: &[Windowed], body: &Body, session: &mut Session) -> Result<(), FitError> {
+fn roll(logs: &[Windowed], body: &Body, progress: &Progress, session: &mut Session) -> Result<(), FitError> {
     if logs.iter().all(|log| log.signals.roll.is_empty()) {
         let reason = "the logs have no roll channel, and wheels do not feel roll";
         ROLL.iter().for_each(|name| session.give_up(name, reason));
         return Ok(());
     }
     let mut all = Rows::new("roll moment", "N.m.s", 3);
-    for log in logs.iter().filter(|log| !log.signals.roll.is_empty()) {
-        rows::roll(&mut all, &log.sway(), body);
+    for windows in over(logs, progress).filter(|windows| !windows.signals.roll.is_empty()) {
+        rows::roll(&mut all, &windows, body);
     }
     all.noise = noise::roll(logs, body);
     if let Some(fit) = session.solve(&regression("roll", spring(), all), &ROLL)? {
@@ -213,9 +229,16 @@ fn roll(logs: &[Windowed], body: &Body, session: &mut Session) -> Result<(), Fit
 }
 
 /// A start for the output error from force and speed alone.
-fn blind(logs: &[Windowed], body: &Body, session: &mut Session) -> Result<Option<Passive>, FitError> {
+fn blind(
+    logs: &[Windowed],
+    body: &Body,
+    progress: &Progress,
+    session: &mut Session,
+) -> Result<Option<Passive>, FitError> {
     let mut all = Rows::new("blind", "N2.s3", 3);
-    logs.iter().for_each(|log| rows::blind(&mut all, &log.windows(&log.blind), body));
+    for (index, log) in logs.iter().enumerate() {
+        rows::blind(&mut all, &log.windows(&log.blind, progress.piece(index, logs.len())), body);
+    }
     let toppling = body.b * GRAVITY;
     let unknowns = vec![
         Unknown::within("c", 0.0, 500.0),
@@ -271,6 +294,7 @@ fn output_error(
         pitch_std: tilt.then(|| task.known.get("sway.tilt_std")),
         efficiency: task.wants(EFFICIENCY),
         loss: session.loss(),
+        progress: &session.progress,
     };
     let refined = refine::refine(&segments, body, &start, &setup)?;
     let fit = session.keep(refined.solution);
@@ -285,10 +309,16 @@ fn output_error(
 }
 
 /// `[f, eta]`, or the one of them that is wanted if the user asked for it alone.
-fn force_balance(task: &Task, logs: &[Windowed], body: &Body, session: &mut Session) -> Result<(), FitError> {
+fn force_balance(
+    task: &Task,
+    logs: &[Windowed],
+    body: &Body,
+    progress: &Progress,
+    session: &mut Session,
+) -> Result<(), FitError> {
     let unknowns = if task.wants(EFFICIENCY) { Drive::RollingEfficiency } else { Drive::Rolling };
     let mut all = Rows::new("force balance", "N.s", unknowns.unknowns());
-    logs.iter().for_each(|log| rows::drive(&mut all, &log.sway(), body, unknowns, false));
+    over(logs, progress).for_each(|windows| rows::drive(&mut all, &windows, body, unknowns, false));
     all.noise = noise::drive(logs, body, unknowns, false);
     let mut sought = vec![Unknown::within("f", 0.0, 0.1)];
     if unknowns == Drive::RollingEfficiency {
@@ -305,7 +335,13 @@ fn force_balance(task: &Task, logs: &[Windowed], body: &Body, session: &mut Sess
 }
 
 /// `[f M, m]` with the robot's or the person's mass unknown.
-fn mass(task: &Task, logs: &[Windowed], body: &Body, session: &mut Session) -> Result<(), FitError> {
+fn mass(
+    task: &Task,
+    logs: &[Windowed],
+    body: &Body,
+    progress: &Progress,
+    session: &mut Session,
+) -> Result<(), FitError> {
     let (name, unknowns, other) = if task.wants(ROBOT_MASS) {
         (ROBOT_MASS, Drive::RollingRobot, body.human_mass)
     } else {
@@ -313,7 +349,7 @@ fn mass(task: &Task, logs: &[Windowed], body: &Body, session: &mut Session) -> R
     };
     let accelerometer = use_accelerometer(task, logs);
     let mut all = Rows::new("force balance", "N.s", 2);
-    logs.iter().for_each(|log| rows::drive(&mut all, &log.sway(), body, unknowns, accelerometer));
+    over(logs, progress).for_each(|windows| rows::drive(&mut all, &windows, body, unknowns, accelerometer));
     all.noise = noise::drive(logs, body, unknowns, accelerometer);
     let sought = vec![Unknown::within("f M", 0.0, f64::INFINITY), Unknown::within("m", 0.0, 1e5)];
     let parameters = [name, ROLLING];

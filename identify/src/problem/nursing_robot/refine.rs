@@ -7,6 +7,7 @@
 
 use super::rows::{Body, Signals};
 use super::sway::{Passive, simulate};
+use crate::progress::Progress;
 use crate::solve::{Loss, Scale, Smooth, SmoothGroup, Solution, SolveError, Trust, Unknown, refine as minimise};
 use std::ops::Range;
 
@@ -21,7 +22,7 @@ pub struct Segment<'a> {
 
 /// What the refinement compares and how it weighs it.
 #[derive(Clone, Copy, Debug)]
-pub struct Setup {
+pub struct Setup<'a> {
     /// Standard deviation of the measured speed, m/s.
     pub speed_std: f64,
     /// Standard deviation of the measured pitch, rad; `None` compares the speed only and keeps the
@@ -32,6 +33,8 @@ pub struct Setup {
     pub efficiency: bool,
     /// The loss.
     pub loss: Loss,
+    /// Where to tell how far it is.
+    pub progress: &'a Progress,
 }
 
 /// What was refined.
@@ -116,6 +119,7 @@ pub fn refine(segments: &[Segment], body: &Body, start: &Passive, setup: &Setup)
         constraints: Vec::new(),
         trust: Trust::default(),
         passes: 1,
+        progress: setup.progress.clone(),
     };
     let solution = minimise(&smooth, setup.loss)?;
     let (passive, efficiency) = read(&solution.theta);

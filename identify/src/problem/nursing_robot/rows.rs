@@ -14,6 +14,7 @@
 //! enters as a second-order term only, is the measured one or the slope of an 11-point quadratic.
 
 use crate::problem::weak_form::Bump;
+use crate::progress::Progress;
 use crate::solve::Rows;
 use rayon::prelude::*;
 
@@ -106,13 +107,14 @@ pub struct Windows<'a> {
     pub stride: usize,
     /// Consecutive rows whose disturbances may be correlated: at least the windows that overlap.
     pub cluster: usize,
+    /// Where to tell how far the work over these windows is.
+    pub progress: Progress,
 }
 
 impl Windows<'_> {
     /// First samples of the windows.
     pub fn starts(&self) -> impl Iterator<Item = usize> {
-        let last = (self.signals.len() + 1).saturating_sub(self.bump.len());
-        (0..last).step_by(self.stride)
+        self.bump.starts(self.signals.len(), self.stride)
     }
 
     /// Middle of a window, s.
@@ -133,6 +135,9 @@ impl Windows<'_> {
     }
 }
 
+/// Windows between two steps of the progress bar.
+const CHUNK: usize = 2048;
+
 /// Windows that overlap.
 pub const OVERLAP: usize = 12;
 
@@ -142,11 +147,14 @@ fn fill(rows: &mut Rows, windows: &Windows, neglected: f64, row: impl Fn(usize) 
     let first_cluster = rows.cluster.last().map_or(0, |last| last + 1);
     let before = rows.len();
     let starts: Vec<usize> = windows.starts().collect();
-    let made: Vec<_> = starts.into_par_iter().map(|at| (row(at), neglected * windows.turning(at))).collect();
-    for ((a, y), neglected) in made {
-        let cluster = first_cluster + ((rows.len() - before) / windows.cluster) as u32;
-        if rows.push(&a, y, cluster) {
-            rows.neglected.push(if neglected.is_finite() { neglected } else { 0.0 });
+    for (index, some) in starts.chunks(CHUNK).enumerate() {
+        windows.progress.reach((index * CHUNK) as f64 / starts.len() as f64);
+        let made: Vec<_> = some.par_iter().map(|&at| (row(at), neglected * windows.turning(at))).collect();
+        for ((a, y), neglected) in made {
+            let cluster = first_cluster + ((rows.len() - before) / windows.cluster) as u32;
+            if rows.push(&a, y, cluster) {
+                rows.neglected.push(if neglected.is_finite() { neglected } else { 0.0 });
+            }
         }
     }
 }

@@ -4,6 +4,7 @@ use super::rows::{self, Body, Windows};
 use super::sway::{self, Passive};
 use super::{Windowed, passive, signals, use_accelerometer, windowed};
 use crate::problem::{Prediction, Task};
+use crate::progress::Progress;
 use crate::report::Trace;
 
 pub(super) fn validate(task: &Task) -> Vec<Prediction> {
@@ -13,7 +14,9 @@ pub(super) fn validate(task: &Task) -> Vec<Prediction> {
     let accelerometer =
         (task.wants(super::ROBOT_MASS) || task.wants(super::HUMAN_MASS)) && use_accelerometer(task, &logs);
     let mut all = Vec::new();
-    for (log, source) in logs.iter_mut().zip(task.logs) {
+    let count = logs.len();
+    for (index, (log, source)) in logs.iter_mut().zip(task.logs).enumerate() {
+        task.progress.reach(index as f64 / count as f64);
         let measured_pitch = !log.signals.pitch.is_empty();
         if measured_pitch && body.j > 0.0 && !task.wanted_of(&super::PITCH).is_empty() {
             all.extend(moment("pitch moment", &source.source, log, &body, &hip, rows::pitch_row));
@@ -40,7 +43,7 @@ fn prediction(trace: Trace, independent: usize) -> Option<Prediction> {
 
 /// Window means of the drive force, measured and as the force balance predicts it, N.
 fn force(source: &str, log: &Windowed, body: &Body, hip: &Passive, accelerometer: bool) -> Option<Prediction> {
-    let windows = log.sway();
+    let windows = log.sway(Progress::none());
     let mut trace = trace("drive force", "N", source);
     for start in windows.starts() {
         let l = rows::longitudinal(&windows, body, accelerometer, start);
@@ -66,7 +69,7 @@ fn moment(
     joint: &Passive,
     row: impl Fn(&Windows, &Body, usize) -> rows::JointRow,
 ) -> Option<Prediction> {
-    let windows = log.sway();
+    let windows = log.sway(Progress::none());
     let one = windows.bump.integral(0, 0, |_| 1.0);
     let mut trace = trace(name, "N.m", source);
     for start in windows.starts() {

@@ -59,15 +59,13 @@ pub type Row = ([f64; UNKNOWNS], f64);
 impl Windows {
     /// Windows of a second, a quarter apart.
     pub fn new(signals: Signals) -> Self {
-        // At slow sampling a window has at least 20 samples.
-        let n = ((WINDOW / signals.period).round() as usize).max(20);
+        let n = Bump::steps(WINDOW, signals.period);
         Self { bump: Bump::cosine(n, signals.period), stride: (n / OVERLAP).max(1), signals }
     }
 
     /// First samples of the windows.
     pub fn starts(&self) -> impl Iterator<Item = usize> {
-        let last = (self.signals.len() + 1).saturating_sub(self.bump.len());
-        (0..last).step_by(self.stride)
+        self.bump.starts(self.signals.len(), self.stride)
     }
 
     /// Middle of a window, s.

@@ -81,6 +81,7 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
         let names: Vec<String> = (0..4).map(|parameter| name(axle, parameter)).collect();
         if names.iter().any(|name| task.wants(name)) {
             task.progress.check()?;
+            session.progress = task.progress.piece(axle, 2);
             pair[axle] = tire(&p, &logs, axle, &pair, session)?;
         }
     }
@@ -213,6 +214,7 @@ fn solve(
         constraints: Vec::new(),
         trust: Trust { radius: 0.5, largest: 2.0, norm: TrustNorm::Box, accept: 0.1 },
         passes: 3,
+        progress: session.progress.clone(),
     };
     refine(&problem, session.loss())
 }
