@@ -5,6 +5,7 @@ import zipfile
 
 import fmpy
 import pytest
+from conftest import FMUS, MODELS
 from fmpy.validation import validate_fmu
 
 
@@ -82,6 +83,16 @@ def test_archive(fmu, model):
         page = archive.read("documentation/index.html").decode()
     for variable in fmpy.read_model_description(fmu).modelVariables:
         assert variable.name == "time" or f"<td>{variable.name}</td>" in page, variable.name
+
+
+def test_every_model_has_a_picture_of_its_own():
+    pictures = set()
+    for path in FMUS.glob("*.fmu"):
+        with zipfile.ZipFile(path) as archive:
+            picture = archive.read("model.png")
+        assert picture.startswith(b"\x89PNG") and len(picture) < 10_000
+        pictures.add(picture)
+    assert len(pictures) == len(MODELS)
 
 
 @pytest.mark.parametrize("word", ["wheelstate", "NaN", "sample_period", "Bits of status"])

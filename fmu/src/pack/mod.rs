@@ -24,11 +24,23 @@ pub fn model(name: &str) -> Result<Model, PackError> {
     })
 }
 
+/// The picture that tools show for a model.
+fn picture(name: &str) -> &'static [u8] {
+    match name {
+        "NursingRobot" => include_bytes!("../../assets/NursingRobot.png"),
+        "WheeledRobot" => include_bytes!("../../assets/WheeledRobot.png"),
+        "WheelLoader" => include_bytes!("../../assets/WheelLoader.png"),
+        "HumanDynamics" => include_bytes!("../../assets/HumanDynamics.png"),
+        // also for a model that has none of its own yet
+        _ => include_bytes!("../../assets/Wheelchair.png"),
+    }
+}
+
 /// Writes `<out>/<Model>.fmu` and gives its path. The archive appears whole or not at all.
 pub fn write(model: &Model, libraries: &[Library], out: &Path) -> Result<PathBuf, PackError> {
     let mut files = vec![
         ("modelDescription.xml".to_owned(), describe::xml(model).into_bytes(), false),
-        ("model.png".to_owned(), include_bytes!("../../assets/model.png").to_vec(), false),
+        ("model.png".to_owned(), picture(model.name).to_vec(), false),
         ("documentation/index.html".to_owned(), page::html(model).into_bytes(), false),
         (format!("resources/{}.ssv", model.name), ssv::text(model).into_bytes(), false),
     ];
