@@ -10,6 +10,7 @@
 use super::belief::{Belief, add_square};
 use super::sigma_points::{Weights, robust_cholesky};
 use nalgebra::{SMatrix, SVector};
+use std::f64::consts::TAU;
 
 /// A measured channel that shows one state: `sample = state[index] + noise`.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +34,8 @@ pub struct Innovation<const M: usize> {
     pub available: usize,
     /// Normalised innovation squared, summed over the available channels jointly.
     pub nis: f64,
+    /// Logarithm of the likelihood, 0 without a sample.
+    pub log_likelihood: f64,
 }
 
 /// Moves the belief through `f` (process noise is added by the caller). Returns whether the
@@ -73,7 +76,9 @@ pub fn updated<const N: usize, const M: usize>(
     channels: &[Channel; M],
 ) -> (Belief<N>, Innovation<M>) {
     let mut after = *prior;
-    let mut innovation = Innovation { residual: [0.0; M], variance: [0.0; M], available: 0, nis: 0.0 };
+    let mut innovation =
+        Innovation { residual: [0.0; M], variance: [0.0; M], available: 0, nis: 0.0, log_likelihood: 0.0 };
+    let mut determinant = 1.0;
     for (i, channel) in channels.iter().enumerate() {
         innovation.variance[i] = prior.covariance[(channel.index, channel.index)] + channel.variance;
         if channel.sample.is_nan() {
@@ -81,17 +86,21 @@ pub fn updated<const N: usize, const M: usize>(
         }
         innovation.residual[i] = channel.sample - prior.mean[channel.index];
         innovation.available += 1;
-        innovation.nis += take(&mut after, channel);
+        let (square, variance) = take(&mut after, channel);
+        innovation.nis += square;
+        determinant *= TAU * variance;
     }
+    innovation.log_likelihood = -0.5 * (innovation.nis + determinant.ln());
     (after, innovation)
 }
 
-/// Takes one sample and returns its squared normalised innovation.
-fn take<const N: usize>(belief: &mut Belief<N>, channel: &Channel) -> f64 {
+/// Takes one sample and returns its squared normalised innovation and the innovation's variance.
+fn take<const N: usize>(belief: &mut Belief<N>, channel: &Channel) -> (f64, f64) {
     let cross: SVector<f64, N> = belief.covariance.column(channel.index).into();
-    let inverse = 1.0 / (cross[channel.index] + channel.variance);
+    let variance = cross[channel.index] + channel.variance;
+    let inverse = 1.0 / variance;
     let residual = channel.sample - belief.mean[channel.index];
     belief.mean += cross * (residual * inverse);
     add_square(&mut belief.covariance, -inverse, &cross);
-    residual * residual * inverse
+    (residual * residual * inverse, variance)
 }

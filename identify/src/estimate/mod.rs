@@ -93,7 +93,8 @@ pub fn run(setup: &mut Setup, log: &Log, progress: &Progress) -> Result<Log, Est
             innovation.into_iter().for_each(|v| columns.innovations.push(if known { v } else { f64::NAN }));
         }
         let innovations = setup.body.innovations(|_| true);
-        columns.end_row(if known { innovations } else { (f64::NAN, 0) }, status.unwrap_or(Status::SKIPPED));
+        let nis = if known { (innovations.nis, innovations.rows) } else { (f64::NAN, 0) };
+        columns.end_row(nis, status.unwrap_or(Status::SKIPPED));
         progress.advance(1);
     }
     progress.finish();

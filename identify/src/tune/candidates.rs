@@ -20,6 +20,8 @@ pub struct Candidate {
     pub start: f64,
     /// Search interval.
     pub range: (f64, f64),
+    /// Whether it is a power (a variance, or a variance per time), not a standard deviation.
+    pub power: bool,
 }
 
 /// Whether a parameter is a noise setting by its name, and then whether it is of a measurement.
@@ -30,8 +32,13 @@ fn noise(name: &str) -> Option<bool> {
     if name.starts_with("filter.process") {
         return Some(false);
     }
+    if let Some(own) = name.strip_prefix("variance.") {
+        // the rest says how exactly the equations hold and what is known without sensors
+        let of_model = ["equation", "prior", "no_contact"].iter().any(|word| own.starts_with(word));
+        return (!of_model).then_some(true);
+    }
     let own = name.strip_prefix("sway.").filter(|own| !own.starts_with("start"))?;
-    let (of_measurement, of_process) = (own.ends_with("_std"), own.contains("noise"));
+    let (of_measurement, of_process) = (own.ends_with("_std"), own.contains("_noise"));
     (of_measurement || of_process).then_some(of_measurement)
 }
 
@@ -48,7 +55,8 @@ pub fn candidates(vehicle: Vehicle, base: &[f64], floors: bool, own_floors: &[(S
     let usable = |(index, variable): (usize, &Variable)| {
         let start = base[index];
         let measurement = noise(&variable.name).filter(|_| variable.kind == Kind::Real && start > 0.0)?;
-        let square = if is_power(variable) { 2 } else { 1 };
+        let power = is_power(variable);
+        let square = if power { 2 } else { 1 };
         let usual = if measurement { MEASUREMENT_SHARE } else { PROCESS_SHARE }.powi(square) * start;
         let low = match find(own_floors, variable).or(find(&physical, variable)) {
             Some(floor) => floor,
@@ -57,7 +65,7 @@ pub fn candidates(vehicle: Vehicle, base: &[f64], floors: bool, own_floors: &[(S
         };
         let high = (10f64.powi(square) * start).max(10.0 * low).min(variable.range.1);
         let low = low.max(variable.range.0).max(1e-12 * start).min(0.5 * high);
-        Some(Candidate { index, start: start.clamp(low, high), range: (low, high) })
+        Some(Candidate { index, start: start.clamp(low, high), range: (low, high), power })
     };
     declared.iter().enumerate().filter_map(usable).collect()
 }

@@ -5,6 +5,11 @@
 //! log-likelihood of the innovations, with physical floors: without them the filter of a good model
 //! is tuned until it trusts nothing but the model.
 //!
+//! # Other machines
+//! Every estimator reports `log_likelihood`. The whole-body estimate of a person has no filter: there it is the
+//! likelihood of each reading given all others at that instant. With `rmse`, an estimator that does not report
+//! `output_error` is judged by the log's `true_*` columns.
+//!
 //! # The source's objective
 //! The root mean square difference between measured and filtered outputs is degenerate: scaling all
 //! noises together does not change it, and following the measurement noise lowers it. It is kept to
@@ -59,7 +64,7 @@ pub struct TuneRequest {
 #[derive(Debug, thiserror::Error)]
 pub enum TuneError {
     /// No estimator of this vehicle, or one that does not report what the objective needs.
-    #[error("tune is not available for {vehicle}: its estimator has no output {output}")]
+    #[error("tune is not available for {vehicle}: its estimator has no {output}")]
     Unavailable {
         /// The vehicle.
         vehicle: Vehicle,
@@ -111,7 +116,7 @@ pub fn tune(
     let pool = rayon::ThreadPoolBuilder::new().num_threads(request.threads).build()?;
     let mut tuner = Tuner { vehicle, logs, held_out, request, progress, result: None };
     pool.install(|| estimator::visit_all(&mut tuner));
-    let output = request.objective.output();
+    let output = request.objective.source();
     tuner.result.unwrap_or(Err(TuneError::Unavailable { vehicle, output }))
 }
 
@@ -153,7 +158,7 @@ impl Tuner<'_> {
             parameters.set(name, *value)?;
         }
         E::new(&parameters)?;
-        let unavailable = || TuneError::Unavailable { vehicle: self.vehicle, output: request.objective.output() };
+        let unavailable = || TuneError::Unavailable { vehicle: self.vehicle, output: request.objective.source() };
         let tracks = self.logs.iter().map(Track::new).collect();
         let mut replay =
             Replay::<E>::new(tracks, parameters.to_vec(), request.objective, request.skip).ok_or_else(unavailable)?;
@@ -162,9 +167,15 @@ impl Tuner<'_> {
         let all = candidates(self.vehicle, &replay.base, floors, &request.floor);
         let found = self.choose(&mut replay, all)?;
         replay.tuned = found.iter().map(|c| c.index).collect();
-        let optimum = self.search(&replay, &found)?;
+        let mut optimum = self.search(&replay, &found)?;
+        let start: Vec<f64> = found.iter().map(|c| c.start.log10()).collect();
+        let start_value = replay.value(&start);
+        if start_value <= optimum.value {
+            // the search never visits the start values; where nothing beats them they stay
+            (optimum.position, optimum.value) = (start, start_value);
+        }
         if !optimum.value.is_finite() {
-            return Err(TuneError::Diverged(request.objective.output()));
+            return Err(TuneError::Diverged(request.objective.word()));
         }
         let held_out = self.held_out.iter().map(Track::new).collect::<Vec<_>>();
         Ok(report::report(self.vehicle, self.logs, &held_out, request, &replay, &found, &optimum))

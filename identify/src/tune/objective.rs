@@ -9,8 +9,9 @@ pub enum Objective {
     /// Negative log-likelihood of the innovations.
     #[default]
     Nll,
-    /// Root mean square difference between measured and filtered outputs, the source's choice;
-    /// degenerate: it pays for following noise and does not know the scale of the noises.
+    /// Root mean square error: of the filtered outputs against the measured ones where the estimator reports it,
+    /// the source's choice; else of the estimates against the log's true_* columns, each over its standard
+    /// deviation. Degenerate: it does not know the scale of the noises, and the first pays for following noise.
     Rmse,
 }
 
@@ -23,11 +24,11 @@ impl Objective {
         }
     }
 
-    /// The estimator's output it is made of.
-    pub fn output(self) -> &'static str {
+    /// What it is made of.
+    pub fn source(self) -> &'static str {
         match self {
-            Self::Nll => "log_likelihood",
-            Self::Rmse => "output_error",
+            Self::Nll => "output log_likelihood",
+            Self::Rmse => "output output_error, and the logs have no true_* column of an output",
         }
     }
 }
@@ -44,6 +45,12 @@ pub struct Score {
 }
 
 impl Score {
+    /// The objective.
+    pub fn value(&self, objective: Objective) -> f64 {
+        let mean = self.sum / self.samples.max(1) as f64;
+        if objective == Objective::Nll { mean } else { mean.sqrt() }
+    }
+
     /// Mean NIS per channel.
     pub fn mean_nis(&self) -> f64 {
         self.nis / self.samples as f64
@@ -62,8 +69,17 @@ pub struct Replay<E: Estimator> {
     pub objective: Objective,
     /// Seconds at the start of each log that do not count.
     pub skip: f64,
-    output: usize,
+    judged: Judged,
     nis: Option<usize>,
+}
+
+/// What of the outputs is judged.
+#[derive(Clone, Debug)]
+enum Judged {
+    /// One output, by its index, times a sign, is the value itself.
+    Output(usize, f64),
+    /// The outputs are compared with references of their tracks.
+    References,
 }
 
 impl<E: Estimator> Replay<E> {
@@ -71,8 +87,15 @@ impl<E: Estimator> Replay<E> {
     pub fn new(tracks: Vec<Track<E>>, base: Vec<f64>, objective: Objective, skip: f64) -> Option<Self> {
         let declared = E::Outputs::declare();
         let place = |name: &str| declared.iter().position(|variable| variable.name == name);
-        let (output, nis) = (place(objective.output())?, place("nis"));
-        Some(Self { tracks, base, tuned: Vec::new(), objective, skip, output, nis })
+        let judged = match objective {
+            Objective::Nll => Judged::Output(place("log_likelihood")?, -1.0),
+            Objective::Rmse => match place("output_error") {
+                Some(index) => Judged::Output(index, 1.0),
+                None if tracks.iter().any(|track| track.references.is_empty()) => return None,
+                None => Judged::References,
+            },
+        };
+        Some(Self { tracks, base, tuned: Vec::new(), objective, skip, judged, nis: place("nis") })
     }
 
     /// The parameters with these values of the tuned ones, given as decimal logarithms.
@@ -95,8 +118,10 @@ impl<E: Estimator> Replay<E> {
                 return;
             }
             outputs.write(&mut flat);
-            let value = flat[self.output];
-            score.sum += if self.objective == Objective::Nll { -value } else { value };
+            score.sum += match self.judged {
+                Judged::Output(index, sign) => sign * flat[index],
+                Judged::References => track.reference_error(k, &flat),
+            };
             score.nis += self.nis.map_or(f64::NAN, |index| flat[index]);
             score.samples += 1;
         });
@@ -106,15 +131,19 @@ impl<E: Estimator> Replay<E> {
     /// The objective over all logs: mean negative log-likelihood per sample, or root mean square error.
     /// Infinite if the setting is refused.
     pub fn value(&self, logarithms: &[f64]) -> f64 {
-        let (mut sum, mut samples) = (0.0, 0);
+        let mut all = Score::default();
         for track in &self.tracks {
             let Some(score) = self.score(track, logarithms) else { return f64::INFINITY };
-            sum += score.sum;
-            samples += score.samples;
+            all.sum += score.sum;
+            all.samples += score.samples;
         }
-        let mean = sum / samples.max(1) as f64;
-        let value = if self.objective == Objective::Nll { mean } else { mean.sqrt() };
+        let value = all.value(self.objective);
         if value.is_finite() { value } else { f64::INFINITY }
+    }
+
+    /// Whether the objective compares with references and not with measurements.
+    pub fn knows_the_truth(&self) -> bool {
+        matches!(self.judged, Judged::References)
     }
 
     /// Number of samples that count.

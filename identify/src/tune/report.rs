@@ -60,6 +60,10 @@ pub struct LogNis {
     pub before: f64,
     /// With the result.
     pub after: f64,
+    /// Objective with the start values.
+    pub objective_before: f64,
+    /// With the result.
+    pub objective_after: f64,
 }
 
 impl TuneReport {
@@ -127,21 +131,29 @@ pub(super) fn report<E: Estimator>(
     let mut nis = Vec::new();
     let seen = replay.tracks.iter().map(|track| (track, false));
     for (track, held_out) in seen.chain(held_out.iter().map(|track| (track, true))) {
-        let mean = |x: &[f64]| replay.score(track, x).map_or(f64::NAN, |score| score.mean_nis());
-        let entry = LogNis { log: track.source.clone(), held_out, before: mean(&start), after: mean(at) };
-        let unseen = if held_out { " (held out)" } else { "" };
+        let judge = |x: &[f64]| {
+            let score = replay.score(track, x);
+            score.map_or((f64::NAN, f64::NAN), |score| (score.mean_nis(), score.value(request.objective)))
+        };
+        let ((before, objective_before), (after, objective_after)) = (judge(&start), judge(at));
+        let log = track.source.clone();
+        let (unseen, word) = (if held_out { " (held out)" } else { "" }, request.objective.word());
         fit.notes.push(format!(
-            "{}{unseen}: NIS per channel {:.2} before, {:.2} now; 1 is consistent",
-            entry.log, entry.before, entry.after
+            "{log}{unseen}: {word} {objective_before:.4} before, {objective_after:.4} now; NIS per channel {before:.2} \
+             before, {after:.2} now; 1 is consistent"
         ));
+        let entry = LogNis { log, held_out, before, after, objective_before, objective_after };
         nis.push(entry);
+    }
+    if *at == start {
+        fit.notes.push("the search found nothing better than the start values".into());
     }
     if logs.len() == 1 {
         fit.notes
             .push("tuned on one log: a second manoeuvre, and one held out, would show whether it generalises".into());
     }
     if request.objective == Objective::Rmse {
-        fit.warnings.push(degeneracy(replay, at, optimum.value, &nis));
+        fit.warnings.push(degeneracy(replay, found, at, optimum.value, &nis));
     }
     fit.notes.push(
         "a consistent NIS does not prove consistent state errors; the optimiser favours the middle of its box".into(),
@@ -211,14 +223,16 @@ fn standard_errors<E: Estimator>(replay: &Replay<E>, at: &[f64], bound: &[Option
 }
 
 /// Shows that the source's objective does not see the scale of the noises.
-fn degeneracy<E: Estimator>(replay: &Replay<E>, at: &[f64], best: f64, nis: &[LogNis]) -> String {
+fn degeneracy<E: Estimator>(replay: &Replay<E>, found: &[Candidate], at: &[f64], best: f64, nis: &[LogNis]) -> String {
     let scaled = |decades: f64| {
-        let x: Vec<f64> = at.iter().map(|x| x + decades).collect();
+        let moved = |(x, c): (&f64, &Candidate)| x + if c.power { 2.0 * decades } else { decades };
+        let x: Vec<f64> = at.iter().zip(found).map(moved).collect();
         100.0 * (replay.value(&x) / best - 1.0)
     };
     let worst = nis.iter().map(|entry| entry.after).fold(0.0, f64::max);
+    let why = if replay.knows_the_truth() { "it" } else { "it pays for following the measurement noise and" };
     format!(
-        "objective rmse is degenerate: it pays for following the measurement noise and does not see the scale of \
+        "objective rmse is degenerate: {why} does not see the scale of \
          the noises; all of them doubled change it by {:+.2} %, halved by {:+.2} %, and NIS per channel is up \
          to {worst:.2} where 1 is consistent; use --objective nll",
         scaled(2f64.log10()),

@@ -249,6 +249,8 @@ pub struct Outputs {
     pub nis: f64,
     /// Channels that `nis` is the mean of.
     pub nis_channels: i32,
+    /// Logarithm of the likelihood of these channels, each given all others.
+    pub log_likelihood: f64,
     /// Conditions of the last sample.
     pub status: Status,
     /// Whether the torques and the seat wrench are usable.
@@ -256,7 +258,7 @@ pub struct Outputs {
 }
 
 impl Variables for Outputs {
-    const COUNT: usize = 2 * DOF + 12 + 6 + 1 + 6 + 2 + 2;
+    const COUNT: usize = 2 * DOF + 12 + 6 + 1 + 6 + 3 + 2;
 
     fn declare_into(prefix: &str, list: &mut Vec<Variable>) {
         let mut list = List { prefix, list, measured: false };
@@ -298,6 +300,8 @@ impl Variables for Outputs {
         list.push("nis", about, "1", 0.0, positive);
         let about = "Number of channels in nis: those whose reading the other sensors predict.";
         list.push_of_kind("nis_channels", about, 0_i32);
+        let about = "Logarithm of the likelihood of the channels in nis, each given all others.";
+        list.push("log_likelihood", about, "1", 0.0, any);
         let about = "Conditions of the last sample as bits. Unobservable: the seat force is not known to within \
             the person's weight.";
         list.push_of_kind("status", about, Status::OK);
@@ -305,7 +309,7 @@ impl Variables for Outputs {
     }
 
     fn write(&self, flat: &mut [f64]) {
-        let groups: [&[f64]; 9] = [
+        let groups: [&[f64]; 10] = [
             &self.tau,
             &self.tau_std,
             &self.seat_wrench,
@@ -314,15 +318,17 @@ impl Variables for Outputs {
             &self.com_velocity,
             &[self.body_mass],
             &self.chi2,
-            &[self.nis, self.nis_channels.to_number(), self.status.to_number(), self.healthy.to_number()],
+            &[self.nis, self.nis_channels.to_number(), self.log_likelihood],
+            &[self.status.to_number(), self.healthy.to_number()],
         ];
         put(flat, &groups);
     }
 
     fn read(&mut self, flat: &[f64]) {
-        let mut last = [0.0; 4];
+        let mut innovations = [0.0; 3];
+        let mut last = [0.0; 2];
         let mut mass = [0.0];
-        let mut groups: [&mut [f64]; 9] = [
+        let mut groups: [&mut [f64]; 10] = [
             &mut self.tau,
             &mut self.tau_std,
             &mut self.seat_wrench,
@@ -331,13 +337,15 @@ impl Variables for Outputs {
             &mut self.com_velocity,
             &mut mass,
             &mut self.chi2,
+            &mut innovations,
             &mut last,
         ];
         take(flat, &mut groups);
         self.body_mass = mass[0];
-        self.nis = last[0];
-        self.nis_channels = i32::from_number(last[1]);
-        self.status = Status::from_number(last[2]);
-        self.healthy = bool::from_number(last[3]);
+        self.nis = innovations[0];
+        self.nis_channels = i32::from_number(innovations[1]);
+        self.log_likelihood = innovations[2];
+        self.status = Status::from_number(last[0]);
+        self.healthy = bool::from_number(last[1]);
     }
 }

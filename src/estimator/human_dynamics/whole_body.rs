@@ -9,6 +9,7 @@ use crate::model::multibody::prior::Variances;
 use crate::model::multibody::sensors::Sensor;
 use crate::model::multibody::tree::Tree;
 use nalgebra::Vector3;
+use std::f64::consts::TAU;
 
 /// A step that changed nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -65,6 +66,17 @@ fn fronts(equations: &Equations) -> Vec<u32> {
         }
     }
     front
+}
+
+/// How well readings agree with what all other information predicts of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Innovations {
+    /// Normalised innovation squared per row, 0 without rows.
+    pub nis: f64,
+    /// Logarithm of the likelihood of the rows, each given all others; 0 without rows.
+    pub log_likelihood: f64,
+    /// Number of rows.
+    pub rows: usize,
 }
 
 impl WholeBody {
@@ -208,28 +220,30 @@ impl WholeBody {
         })
     }
 
-    /// Normalised innovation squared per channel, over the rows of the sensors that `counts` picks,
-    /// after a step with variances; and the number of rows.
+    /// Innovations of the rows of the sensors that `counts` picks, after a step with variances.
     ///
     /// The innovation of a row is its reading minus what all other information predicts. With
     /// residual r at the estimate, weight w and leverage h it is `r / (1 - h)` with variance
     /// `1 / (w (1 - h))`, so its normalised square is `w r^2 / (1 - h)`. Rows that nothing else
     /// predicts (h near 1) say nothing about model and noise and do not count.
-    pub fn innovations(&self, counts: impl Fn(usize) -> bool) -> (f64, usize) {
+    pub fn innovations(&self, counts: impl Fn(usize) -> bool) -> Innovations {
         let numbers = numbers(&self.equations, &self.right, &self.weight, &self.precision, &self.prior_mean);
-        let (mut sum, mut rows) = (0.0, 0);
+        let mut found = Innovations::default();
         for sensor in (0..self.equations.sensors().len()).filter(|&s| counts(s)) {
             for row in self.equations.sensor_rows(sensor).filter(|&row| self.present[row]) {
                 let Some(leverage) = self.map.leverage(row, &numbers) else { continue };
                 let redundancy = 1.0 - leverage;
                 if redundancy > LEAST_REDUNDANCY {
                     let (residual, weight) = self.residual(row);
-                    sum += weight * residual * residual / redundancy;
-                    rows += 1;
+                    let square = weight * residual * residual / redundancy;
+                    found.nis += square;
+                    found.log_likelihood -= 0.5 * (square + (TAU / (weight * redundancy)).ln());
+                    found.rows += 1;
                 }
             }
         }
-        (if rows > 0 { sum / rows as f64 } else { 0.0 }, rows)
+        found.nis /= found.rows.max(1) as f64;
+        found
     }
 
     /// The whole objective at the mean: rows and prior.

@@ -308,12 +308,13 @@ impl Estimator for NursingRobot {
             (Some(sway), Some(state)) => {
                 out.sway_status = state.status as i32;
                 out.nis = if state.channels > 0 { state.nis / f64::from(state.channels) } else { 0.0 };
+                out.log_likelihood = state.log_likelihood;
                 let mut ignored = Status::OK;
                 let force = if ahead > 0.0 { self.sway_force(&self.screen(inputs, &mut ignored)) } else { f64::NAN };
                 sway.estimate(state, force, ahead)
             }
             _ => {
-                (out.sway_status, out.nis) = (SwayStatus::Off as i32, 0.0);
+                (out.sway_status, out.nis, out.log_likelihood) = (SwayStatus::Off as i32, 0.0, 0.0);
                 self.rigid()
             }
         };

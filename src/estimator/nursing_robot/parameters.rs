@@ -365,6 +365,8 @@ variables! {
         sway_status: i32 = 0, "1";
         /// Normalised innovation squared of the sway filter per measured channel; about 1 when the filter is consistent, 0 without a sample.
         nis: f64 = 0.0, "1";
+        /// Logarithm of the likelihood of what the sway filter measured last, 0 without a sample.
+        log_likelihood: f64 = 0.0, "1";
         /// Conditions of the last sample, a bit field with the same meaning in all machines.
         status: Status = Status::OK, "1";
         /// Whether the main estimates are usable now: a mass is known and plausible and the sway filter is not starting anew.

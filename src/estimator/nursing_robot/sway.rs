@@ -114,6 +114,8 @@ pub struct SwayState {
     pub status: SwayStatus,
     /// Normalised innovation squared of the last sample, summed over its channels.
     pub nis: f64,
+    /// Logarithm of the likelihood of the last sample.
+    pub log_likelihood: f64,
     /// Number of channels of the last sample.
     pub channels: u8,
     /// Whether a covariance had to be repaired in the last step.
@@ -223,6 +225,7 @@ impl SwayEstimator {
             scale: ProcessScale::default(),
             status: SwayStatus::Updated,
             nis: 0.0,
+            log_likelihood: 0.0,
             channels: 0,
             repaired: false,
             mass: self.human.mass,
@@ -375,6 +378,7 @@ impl SwayEstimator {
         });
         let (posterior, innovation) = ukf::updated(belief, &channels);
         (state.nis, state.channels) = (innovation.nis, innovation.available as u8);
+        state.log_likelihood = innovation.log_likelihood;
         let wanted = self.use_channel.iter().filter(|used| **used).count();
         let complete = innovation.available == wanted;
         let mut status = match (step.held, complete) {
@@ -505,8 +509,15 @@ impl SwayState {
             (SwayBelief::Four(belief), Form::SoundTorque) => belief.is_sound(),
             _ => false,
         };
-        let numbers =
-            [self.nis, self.mass, self.force.unwrap_or(0.0), self.yaw_rate, self.smoothed_speed, self.slow_for];
+        let numbers = [
+            self.nis,
+            self.log_likelihood,
+            self.mass,
+            self.force.unwrap_or(0.0),
+            self.yaw_rate,
+            self.smoothed_speed,
+            self.slow_for,
+        ];
         belief && self.noise.is_sound() && self.scale.is_sound() && numbers.iter().all(|x| bounded(*x))
     }
 }

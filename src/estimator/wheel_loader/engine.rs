@@ -8,6 +8,7 @@ use crate::filter::square_root::{absorb_diagonal, andrews, array, block, joseph,
 use crate::filter::srukf::{Gaussian, Spread, SpreadError, predict_linearised};
 use crate::model::wheel_loader::{Drive, Driven, Loader, Motion, Unknowns};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use std::f64::consts::TAU;
 
 /// States of the belief as it is stored; without radii the last two are 0.
 pub const STATES: usize = 8;
@@ -54,6 +55,8 @@ pub struct Engine {
 pub struct Outcome {
     /// Normalised innovation squared over the number of channels used.
     pub nis: f64,
+    /// Logarithm of the likelihood of all channels, rejected ones included.
+    pub log_likelihood: f64,
     /// A channel was rejected by the gate.
     pub gated: bool,
     /// A channel was accepted after too many rejections.
@@ -225,6 +228,7 @@ impl Engine {
                 supervision.masked[i] = supervision.masked[i].saturating_add(1);
                 if supervision.masked[i] <= self.gate_samples {
                     outcome.gated = true;
+                    outcome.log_likelihood -= 0.5 * (innovation * innovation / variance + (TAU * variance).ln());
                     continue;
                 }
                 outcome.reacquired = true;
@@ -246,7 +250,11 @@ impl Engine {
                 Form::Andrews if !protect => andrews(&leading, &hs, &noise),
                 _ => array(&leading, &hs, &noise),
             };
-            outcome.nis = update.whiten(&nu).norm_squared() / f64::from(used);
+            let square = update.whiten(&nu).norm_squared();
+            // channels without a sample have 1 on the diagonal
+            let determinant = update.innovation.diagonal().product();
+            outcome.nis = square / f64::from(used);
+            outcome.log_likelihood -= 0.5 * (square + f64::from(used) * TAU.ln()) + determinant.ln();
             if protect {
                 let mut gain: SMatrix<f64, N, 3> = update.gain();
                 for row in 3..N {

@@ -58,6 +58,7 @@ pub struct State {
     /// The last drive that was valid, channel by channel.
     drive: Drive,
     nis: f64,
+    log_likelihood: f64,
     status: Status,
 }
 
@@ -101,6 +102,7 @@ impl Estimator for WheelLoader {
             supervision: Supervision::default(),
             drive: Drive::default(),
             nis: 0.0,
+            log_likelihood: 0.0,
             status: Status::OK,
         };
         Ok(Self { parameters: parameters.clone(), engine, state })
@@ -134,7 +136,7 @@ impl Estimator for WheelLoader {
                 self.state.started = true;
             }
             self.state.supervision.held = true;
-            self.state.nis = 0.0;
+            (self.state.nis, self.state.log_likelihood) = (0.0, 0.0);
             status |= Status::HOLD;
             self.state.status = status | self.report_status();
             return self.state.status;
@@ -196,9 +198,9 @@ impl WheelLoader {
             supervision.held = false;
         }
 
-        let State { belief, supervision, nis, .. } = &mut self.state;
+        let State { belief, supervision, nis, log_likelihood, .. } = &mut self.state;
         if let Some(outcome) = self.engine.sample(belief, drive, y, dt, supervision) {
-            *nis = outcome.nis;
+            (*nis, *log_likelihood) = (outcome.nis, outcome.log_likelihood);
             status.raise_if(outcome.gated, Status::GATED);
             status.raise_if(outcome.reacquired, Status::RESTARTED);
         } else {

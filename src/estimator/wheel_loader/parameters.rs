@@ -318,6 +318,8 @@ variables! {
         slip_inconsistent: bool = false, "1";
         /// Normalised innovation squared per channel of the last sample; near 1 if the noise settings fit.
         nis: f64 = 0.0, "1";
+        /// Logarithm of the likelihood of the last measurement, 0 without one.
+        log_likelihood: f64 = 0.0, "1";
         /// Conditions of the last sample as a bit field.
         status: Status = Status::OK, "1";
         /// The centre of gravity's ratio is known well enough and the inputs are sound.

@@ -73,6 +73,7 @@ impl WheelLoader {
         out.cg_height_observable = self.height_observable(unknowns[1]);
         out.slip_inconsistent = state.supervision.evidence.contradicts;
         out.nis = state.nis;
+        out.log_likelihood = state.log_likelihood;
         out.status = state.status;
         let limit = self.parameters.hold.samples.max(0) as u32;
         out.healthy = state.started

@@ -75,6 +75,7 @@ pub struct State {
     /// Normalised innovation squared of the last sample and its number of rows.
     nis: f64,
     dof: u32,
+    log_likelihood: f64,
 }
 
 /// The estimator; see the [module](self).
@@ -226,6 +227,7 @@ impl Estimator for Wheelchair {
             status: Status::OK,
             nis: 0.0,
             dof: 0,
+            log_likelihood: 0.0,
         };
         let bands = &parameters.standstill;
         Ok(Self {
@@ -317,6 +319,7 @@ impl Estimator for Wheelchair {
                 self.state.silent = if nothing { self.state.silent + dt } else { 0.0 };
                 self.state.nis = if update.dof > 0 { update.nis } else { 0.0 };
                 self.state.dof = update.dof as u32;
+                self.state.log_likelihood = update.sensors.log_likelihood;
             }
             Err(NotPositiveDefinite) => {
                 self.restart();
@@ -347,7 +350,8 @@ impl Estimator for Wheelchair {
             (ChairBelief::Gravity(filter), ChairBelief::Gravity(_)) => filter.is_sound(),
             _ => return Err(StateError("its filter.kind differs")),
         };
-        let numbers = state.command.iter().chain(&state.accel_x).chain([&state.silent, &state.nis]);
+        let numbers =
+            state.command.iter().chain(&state.accel_x).chain([&state.silent, &state.nis, &state.log_likelihood]);
         if !sound || !state.wheels.is_sound() || !numbers.into_iter().all(|value| value.is_finite()) {
             return Err(StateError("it holds values that are not finite or not positive definite"));
         }

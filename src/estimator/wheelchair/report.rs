@@ -69,6 +69,7 @@ impl Wheelchair {
         outputs.standstill = drive.still;
         outputs.nis = if state.dof > 0 { state.nis / f64::from(state.dof) } else { 0.0 };
         outputs.nis_channels = state.dof as i32;
+        outputs.log_likelihood = state.log_likelihood;
         outputs.status = state.status;
         outputs.healthy = state.started
             && state.silent <= LONGEST_SILENCE

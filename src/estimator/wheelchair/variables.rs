@@ -81,6 +81,8 @@ crate::variables! {
         nis: f64 = 0.0, "1", [0.0, f64::INFINITY];
         /// Number of channels used in the last sample, with those that say that the chair stands still.
         nis_channels: i32 = 0, "1", [0, 16];
+        /// Logarithm of the likelihood of what the sensors measured last, 0 without a measurement.
+        log_likelihood: f64 = 0.0, "1";
         /// Conditions of the last sample as bits. Unobservable: on ground as flat as this nothing measured says how the heading lies to the contour line; it rests on the initial heading and the encoders.
         status: Status = Status::OK, "1";
         /// Whether speed and slope are usable now.

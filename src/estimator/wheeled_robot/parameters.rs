@@ -243,7 +243,8 @@ variables! {
 }
 
 variables! {
-    /// What is measured. Wheels: front left, front right, rear left, rear right.
+    /// What is measured; sensors that are not connected have no sample. Wheels: front left, front right, rear left,
+    /// rear right.
     pub struct Inputs {
         /// Steering angle of the front wheels, to the left positive. NaN: the last one is used.
         steering_angle: f64 = 0.0, "rad", [-1.6, 1.6], measured;
@@ -264,21 +265,21 @@ variables! {
         /// Brake torque at the rear right wheel, positive, against its rotation. NaN: the last one is used.
         brake_torque_rr: f64 = 0.0, "N.m", [-1e6, 1e6], measured;
         /// Speed of the front left wheel, forward positive. NaN: no sample.
-        wheel_speed_fl: f64 = 0.0, "rad/s", [-1e5, 1e5], measured;
+        wheel_speed_fl: f64 = f64::NAN, "rad/s", [-1e5, 1e5], measured;
         /// Speed of the front right wheel, forward positive. NaN: no sample.
-        wheel_speed_fr: f64 = 0.0, "rad/s", [-1e5, 1e5], measured;
+        wheel_speed_fr: f64 = f64::NAN, "rad/s", [-1e5, 1e5], measured;
         /// Speed of the rear left wheel, forward positive. NaN: no sample.
-        wheel_speed_rl: f64 = 0.0, "rad/s", [-1e5, 1e5], measured;
+        wheel_speed_rl: f64 = f64::NAN, "rad/s", [-1e5, 1e5], measured;
         /// Speed of the rear right wheel, forward positive. NaN: no sample.
-        wheel_speed_rr: f64 = 0.0, "rad/s", [-1e5, 1e5], measured;
+        wheel_speed_rr: f64 = f64::NAN, "rad/s", [-1e5, 1e5], measured;
         /// Longitudinal specific force at the inertial sensor, forward positive. NaN: no sample.
-        accel_x: f64 = 0.0, "m/s2", [-200.0, 200.0], measured;
+        accel_x: f64 = f64::NAN, "m/s2", [-200.0, 200.0], measured;
         /// Lateral specific force at the inertial sensor, to the left positive. NaN: no sample.
-        accel_y: f64 = 0.0, "m/s2", [-200.0, 200.0], measured;
+        accel_y: f64 = f64::NAN, "m/s2", [-200.0, 200.0], measured;
         /// Yaw rate, to the left positive. NaN: no sample.
-        gyro_z: f64 = 0.0, "rad/s", [-100.0, 100.0], measured;
+        gyro_z: f64 = f64::NAN, "rad/s", [-100.0, 100.0], measured;
         /// Reference of the longitudinal speed, used if filter.use_speed. NaN: no sample.
-        speed: f64 = 0.0, "m/s", [-200.0, 200.0], measured;
+        speed: f64 = f64::NAN, "m/s", [-200.0, 200.0], measured;
     }
 }
 
