@@ -6,7 +6,7 @@ mod cases;
 mod support;
 
 use cases::*;
-use nalgebra::Vector3;
+use nalgebra::{DMatrix, DVector, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -268,6 +268,37 @@ fn the_innovation_statistic_is_one_for_the_models_own_noise() {
     let mean = statistic.iter().sum::<f64>() / statistic.len() as f64;
     println!("mean of the innovation statistic {mean:.3}");
     assert!((0.8..=1.2).contains(&mean), "{mean}");
+}
+
+/// The likelihood of a step is the density of its rows by the dense covariance of what is expected.
+#[test]
+fn the_likelihood_is_that_of_the_dense_covariance() {
+    let case = case("chain3_moving_L3");
+    let mut body = case.body.clone();
+    let posture = Posture { q: &case.q, qd: &case.qd, base_rate: case.base_rate };
+    body.step(&posture, &case.samples, true).unwrap();
+    let prior = variances(&case.data);
+    let rows = body.equations().rows().clone();
+    let variance = prior.of_variables(body.equations()).unwrap();
+    let mut a = DMatrix::<f64>::zeros(rows.len(), variance.len());
+    let mut off = DVector::<f64>::zeros(rows.len());
+    let mut covariance = DMatrix::<f64>::zeros(rows.len(), rows.len());
+    for r in 0..rows.len() {
+        let entries = rows.start[r]..rows.start[r + 1];
+        entries.for_each(|e| a[(r, rows.column[e] as usize)] += rows.value[e]);
+        let (residual, weight) = body.residual(r);
+        covariance[(r, r)] = 1.0 / weight;
+        off[r] = residual;
+    }
+    let mean = DVector::from_column_slice(body.mean());
+    off += &a * (mean - DVector::repeat(variance.len(), prior.mean));
+    covariance += &a * DMatrix::from_diagonal(&DVector::from_vec(variance)) * a.transpose();
+    let factor = covariance.cholesky().unwrap();
+    let logarithm: f64 = factor.l().diagonal().iter().map(|d| d.ln()).sum();
+    let square = off.dot(&factor.solve(&off));
+    let exact = -0.5 * (square + rows.len() as f64 * std::f64::consts::TAU.ln()) - logarithm;
+    println!("{} against {exact}", body.log_likelihood());
+    assert!((body.log_likelihood() - exact).abs() < 1e-6 * exact.abs());
 }
 
 /// A full covariance that is diagonal is the same as its diagonal; a correlated one is the same as

@@ -172,6 +172,11 @@ impl SparseLdl {
         Ok(())
     }
 
+    /// The diagonal of `D` after a factorisation; their product is the determinant.
+    pub fn pivots(&self) -> &[f64] {
+        &self.diagonal
+    }
+
     /// How many times larger a diagonal entry was than the pivot that was left of it, at worst. The
     /// inverse is known to about this times the rounding unit.
     pub fn cancellation(&self) -> f64 {

@@ -7,7 +7,7 @@
 //!
 //! # Other machines
 //! Every estimator reports `log_likelihood`. The whole-body estimate of a person has no filter: there it is the
-//! likelihood of each reading given all others at that instant. With `rmse`, an estimator that does not report
+//! likelihood of the readings and equations of each instant. With `rmse`, an estimator that does not report
 //! `output_error` is judged by the log's `true_*` columns.
 //!
 //! # The source's objective

@@ -174,7 +174,7 @@ impl HumanDynamics {
         let innovations = self.body.innovations(|sensor| self.groups[sensor].is_some());
         outputs.nis = innovations.nis;
         outputs.nis_channels = innovations.rows as i32;
-        outputs.log_likelihood = innovations.log_likelihood;
+        outputs.log_likelihood = self.body.log_likelihood();
         let worst = outputs.seat_wrench_std[..3].iter().fold(0.0_f64, |worst, &std| worst.max(std));
         let observable = worst < self.mass * GRAVITY;
         outputs.status.raise_if(!observable, Status::UNOBSERVABLE);

@@ -249,7 +249,7 @@ pub struct Outputs {
     pub nis: f64,
     /// Channels that `nis` is the mean of.
     pub nis_channels: i32,
-    /// Logarithm of the likelihood of these channels, each given all others.
+    /// Logarithm of the joint likelihood of equations and readings.
     pub log_likelihood: f64,
     /// Conditions of the last sample.
     pub status: Status,
@@ -300,7 +300,8 @@ impl Variables for Outputs {
         list.push("nis", about, "1", 0.0, positive);
         let about = "Number of channels in nis: those whose reading the other sensors predict.";
         list.push_of_kind("nis_channels", about, 0_i32);
-        let about = "Logarithm of the likelihood of the channels in nis, each given all others.";
+        let about =
+            "Logarithm of the joint likelihood of the equations and of the last readings under noise and prior.";
         list.push("log_likelihood", about, "1", 0.0, any);
         let about = "Conditions of the last sample as bits. Unobservable: the seat force is not known to within \
             the person's weight.";

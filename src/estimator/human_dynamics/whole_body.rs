@@ -73,8 +73,6 @@ fn fronts(equations: &Equations) -> Vec<u32> {
 pub struct Innovations {
     /// Normalised innovation squared per row, 0 without rows.
     pub nis: f64,
-    /// Logarithm of the likelihood of the rows, each given all others; 0 without rows.
-    pub log_likelihood: f64,
     /// Number of rows.
     pub rows: usize,
 }
@@ -237,13 +235,25 @@ impl WholeBody {
                     let (residual, weight) = self.residual(row);
                     let square = weight * residual * residual / redundancy;
                     found.nis += square;
-                    found.log_likelihood -= 0.5 * (square + (TAU / (weight * redundancy)).ln());
                     found.rows += 1;
                 }
             }
         }
         found.nis /= found.rows.max(1) as f64;
         found
+    }
+
+    /// Logarithm of the joint density of equations and readings under noise and prior, from the factor of
+    /// the last step; 0 if the orthogonal method had to step in:
+    /// `-1/2 (objective + ln det Lambda - sum ln w - sum ln p + n ln 2 pi)` with the `n` rows present.
+    pub fn log_likelihood(&self) -> f64 {
+        let weights = || self.weight.iter().copied().filter(|weight| *weight > 0.0);
+        let determinant = sum_of_logarithms(self.map.ldl().pivots().iter().copied());
+        if !determinant.is_finite() {
+            return 0.0;
+        }
+        let known = sum_of_logarithms(weights()) + sum_of_logarithms(self.precision.iter().copied());
+        -0.5 * (self.objective() + determinant - known + weights().count() as f64 * TAU.ln())
     }
 
     /// The whole objective at the mean: rows and prior.
@@ -255,6 +265,19 @@ impl WholeBody {
         let prior = self.precision.iter().zip(self.map.mean()).zip(&self.prior_mean);
         rows.sum::<f64>() + prior.map(|((p, x), m)| p * (x - m) * (x - m)).sum::<f64>()
     }
+}
+
+/// `sum ln x`; products are cheaper than logarithms.
+fn sum_of_logarithms(numbers: impl Iterator<Item = f64>) -> f64 {
+    let (mut sum, mut product) = (0.0, 1.0_f64);
+    for x in numbers {
+        product *= x;
+        if !(1e-150..1e150).contains(&product) {
+            sum += product.ln();
+            product = 1.0;
+        }
+    }
+    sum + product.ln()
 }
 
 fn numbers<'a>(

@@ -319,7 +319,7 @@ impl Estimator for Wheelchair {
                 self.state.silent = if nothing { self.state.silent + dt } else { 0.0 };
                 self.state.nis = if update.dof > 0 { update.nis } else { 0.0 };
                 self.state.dof = update.dof as u32;
-                self.state.log_likelihood = update.sensors.log_likelihood;
+                self.state.log_likelihood = update.sensors.log_likelihood();
             }
             Err(NotPositiveDefinite) => {
                 self.restart();
