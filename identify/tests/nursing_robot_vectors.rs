@@ -123,6 +123,7 @@ fn refinement_matches_the_reference() {
         pitch_std: Some(0.01),
         efficiency: false,
         loss: Loss::Huber,
+        correct: false,
         progress: &Progress::none(),
     };
     let segment = Segment { signals: &signals, samples: 0..1500 };

@@ -13,13 +13,14 @@ use std::collections::BTreeMap;
 /// honest about correlation inside a cluster and about unequal noise, and does not know of noise
 /// in the regressors or of what the rows neglect: that is `bias`. With noise of energy `N = [N_a N_y]`
 /// in `[A y]` and neglected terms `d` the normal equations hold at `theta + bias`,
-/// `B bias = A'W d - (N_a theta - N_y)` at the true `theta`. With [`Options::correct`] it is subtracted.
+/// `B bias = A'W d - (N_a theta - N_y)` at the true `theta`. With [`Options::correct`] it is subtracted, except for guesses.
 pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options, minimiser: Minimiser) -> Solution {
     let n = regression.unknowns.len();
     let mut information = DMatrix::<f64>::zeros(n, n);
     let mut gram = DMatrix::<f64>::zeros(n, n);
     let mut scores: BTreeMap<u32, DVector<f64>> = BTreeMap::new();
     let mut pull = DVector::<f64>::zeros(n);
+    let mut guess = DVector::<f64>::zeros(n);
     let mut noise_energy = DMatrix::<f64>::zeros(n, n);
     let mut rows = 0;
     let mut residuals = Vec::new();
@@ -37,7 +38,8 @@ pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options,
             information.ger(weight, &row, &row, 1.0);
             scores.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)).axpy(psi, &row, 1.0);
             if let Some(neglected) = group.neglected.get(i) {
-                pull.axpy(weight * neglected / scale, &row, 1.0);
+                let into = if group.guessed { &mut guess } else { &mut pull };
+                into.axpy(weight * neglected / scale, &row, 1.0);
             }
             quadratic += weight;
         }
@@ -74,7 +76,8 @@ pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options,
         Some(factor) => factor.inverse(),
         None => bread.clone(),
     };
-    let mut bias = &consistent * pull;
+    let known = &consistent * pull;
+    let mut bias = &consistent * guess;
     // What regressor j adds to the others is A d_j with d_j = B^-1 e_j / (B^-1)_jj; its energy is
     // 1 / (B^-1)_jj, of which d_j' N d_j is noise.
     let noise_share: Vec<f64> = (0..n)
@@ -89,10 +92,11 @@ pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options,
     let mut gain = &bread;
     if options.correct {
         for (index, unknown) in regression.unknowns.iter().enumerate() {
-            theta[index] = (theta[index] - bias[index]).clamp(unknown.lower, unknown.upper);
+            theta[index] = (theta[index] - known[index]).clamp(unknown.lower, unknown.upper);
         }
-        bias.fill(0.0);
         gain = &consistent;
+    } else {
+        bias += known;
     }
     Solution {
         name: regression.name.clone(),

@@ -64,6 +64,11 @@ impl<'a> Session<'a> {
         }
     }
 
+    /// Whether the user asked to subtract the estimated bias.
+    pub fn corrects(&self) -> bool {
+        self.options.correct
+    }
+
     /// The loss the user asked for.
     pub fn loss(&self) -> Loss {
         self.options.loss

@@ -112,6 +112,8 @@ pub struct Rows {
     /// `y = A theta + neglected + noise`. As long as `y`, or empty. It is left in `y`; the bias tells
     /// how far it pulls the unknowns.
     pub neglected: Vec<f64>,
+    /// Whether `neglected` is a guess of its size only: it stays part of the bias, never subtracted.
+    pub guessed: bool,
     /// Where the noise level comes from.
     pub scale: Scale,
 }
@@ -129,6 +131,7 @@ impl Rows {
             instruments: Vec::new(),
             noise: Vec::new(),
             neglected: Vec::new(),
+            guessed: false,
             scale: Scale::Robust,
         }
     }
@@ -295,7 +298,7 @@ pub struct Solution {
     pub covariance: DMatrix<f64>,
     /// Estimated bias of each unknown: how far noise in the regressors ([`Rows::noise`]) and what the
     /// rows neglect ([`Rows::neglected`]) pull it. Not subtracted from `theta` unless
-    /// [`Options::correct`] asks for it; then zeros.
+    /// [`Options::correct`] asks for it; then what is left are guesses ([`Rows::guessed`]).
     pub bias: Vec<f64>,
     /// Share of sensor noise in what each unknown's regressor adds to the others, 0 to 1: near 1 there
     /// is no signal to learn from. Zeros where [`Rows::noise`] is not given.

@@ -77,6 +77,11 @@ pub struct Smooth<'a> {
     pub trust: Trust,
     /// Passes over the whole refinement between which [`Scale::Robust`] groups are rescaled.
     pub passes: usize,
+    /// Residuals of a fuller model, if there is one: their difference at the end point is what the
+    /// refinement neglects, see [`Rows::neglected`].
+    pub fuller: Option<&'a Residuals<'a>>,
+    /// Subtract the bias that this causes.
+    pub correct: bool,
     /// Where to tell how far it is.
     pub progress: Progress,
 }
@@ -118,7 +123,7 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
     let present: Vec<usize> = current.iter().map(|group| group.iter().filter(|r| r.is_finite()).count()).collect();
     let mut costs = Vec::new();
     let mut accuracy = super::Accuracy::Solved;
-    let options = Options { loss, ..Options::default() };
+    let options = Options { loss, correct: problem.correct, ..Options::default() };
     let passes = problem.passes.max(1);
     for pass in 0..passes {
         rescale(&current, &mut scales);
@@ -130,7 +135,7 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
             let jacobian = jacobian(problem, &theta, &current, &progress);
             let before = value;
             for _ in 0..ATTEMPTS {
-                let step = linearised(problem, &theta, &current, &jacobian, trust);
+                let step = linearised(problem, &theta, &current, &jacobian, trust, None);
                 let minimum = robust::minimise(&step, &scales, loss, &options)?;
                 if minimum.accuracy != super::Accuracy::Solved {
                     accuracy = minimum.accuracy;
@@ -166,7 +171,8 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
         }
     }
     let jacobian = jacobian(problem, &theta, &current, &problem.progress);
-    let end = linearised(problem, &theta, &current, &jacobian, f64::INFINITY);
+    let fuller = problem.fuller.map(|fuller| fuller(&theta));
+    let end = linearised(problem, &theta, &current, &jacobian, f64::INFINITY, fuller.as_deref());
     let at_bound = theta
         .iter()
         .zip(&problem.unknowns)
@@ -177,7 +183,7 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
         .collect();
     let minimiser = robust::Minimiser { theta: vec![0.0; theta.len()], at_bound, accuracy };
     let mut solution = assess::of_regression(&end, &scales, &options, minimiser);
-    solution.theta = theta;
+    solution.theta.iter_mut().zip(&theta).for_each(|(step, value)| *step += value);
     solution.cost = costs;
     Ok(solution)
 }
@@ -223,13 +229,15 @@ fn jacobian(problem: &Smooth, theta: &[f64], current: &[Vec<f64>], progress: &Pr
         .collect()
 }
 
-/// The linear regression of a step `d`: `residual = -J d + noise` within bounds and trust region.
+/// The linear regression of a step `d`: `residual = -J d + noise` within bounds and trust region; given the
+/// residuals of a fuller model, with what it neglects.
 fn linearised(
     problem: &Smooth,
     theta: &[f64],
     current: &[Vec<f64>],
     jacobian: &[Vec<Vec<f64>>],
     trust: f64,
+    fuller: Option<&[Vec<f64>]>,
 ) -> Regression {
     let n = theta.len();
     let unknowns = problem.unknowns.iter().zip(theta).zip(&problem.typical).map(|((unknown, value), typical)| {
@@ -247,7 +255,12 @@ fn linearised(
         let size = group.cluster_rows.max(1);
         for (i, residual) in current[index].iter().enumerate() {
             row.iter_mut().zip(jacobian).for_each(|(value, column)| *value = column[index][i]);
-            rows.push(&row, *residual, (i / size) as u32);
+            if rows.push(&row, *residual, (i / size) as u32)
+                && let Some(fuller) = fuller
+            {
+                let neglected = residual - fuller[index][i];
+                rows.neglected.push(if neglected.is_finite() { neglected } else { 0.0 });
+            }
         }
         rows
     });

@@ -14,8 +14,9 @@
 //! that the coefficient may be 20 % off (one standard deviation).
 //!
 //! The pitch and force rows follow the planar equations. Roll while turning adds to them
-//! ([`Windows::turning`](rows::Windows)); with the measured roll, or else that of a passive person, this and the noise in the
-//! regressors make the bias that widens the intervals and that `--correct` subtracts.
+//! ([`Windows::turning`](rows::Windows)). With the measured roll this and the noise in the regressors make the
+//! bias that widens the intervals and that `--correct` subtracts; without a `roll` channel a passive person's
+//! roll is a guess that only widens.
 //!
 //! The person's mass, size and swaying share, the robot and the air drag are known parameters. With an
 //! `accel_x` channel the mass fits use the specific force, so slopes cancel (unless
@@ -294,6 +295,7 @@ fn output_error(
         pitch_std: tilt.then(|| task.known.get("sway.tilt_std")),
         efficiency: task.wants(EFFICIENCY),
         loss: session.loss(),
+        correct: session.corrects() && segments.iter().all(|segment| !segment.signals.roll.is_empty()),
         progress: &session.progress,
     };
     let refined = refine::refine(&segments, body, &start, &setup)?;
@@ -381,6 +383,7 @@ fn mass_alone(name: &str, other: f64, all: &Rows, rolling: f64, session: &mut Se
             rows.push(&[row[1] + f * row[0]], all.y[i] - f * other * row[0], all.cluster[i]);
         }
         rows.neglected.clone_from(&all.neglected);
+        rows.guessed = all.guessed;
         let into = [[f, 1.0, 0.0], [-f * other, 0.0, 1.0]];
         if let Ok(noise) = <&[f64; 9]>::try_from(all.noise.as_slice()) {
             let entry = |a: &[f64; 3], b: &[f64; 3]| -> f64 { (0..9).map(|k| a[k / 3] * noise[k] * b[k % 3]).sum() };

@@ -33,6 +33,8 @@ pub struct Setup<'a> {
     pub efficiency: bool,
     /// The loss.
     pub loss: Loss,
+    /// Whether to subtract the bias that roll while turning causes.
+    pub correct: bool,
     /// Where to tell how far it is.
     pub progress: &'a Progress,
 }
@@ -83,7 +85,7 @@ pub fn refine(segments: &[Segment], body: &Body, start: &Passive, setup: &Setup)
     };
     // Half of 100 Hz says as much about a 1 Hz sway at half the price.
     let stride = |signals: &Signals| ((0.02 / signals.period).round() as usize).max(1);
-    let residuals = |theta: &[f64]| -> Vec<Vec<f64>> {
+    let compare = |theta: &[f64], turning: bool| -> Vec<Vec<f64>> {
         let (passive, efficiency) = read(theta);
         let body = Body { efficiency, ..*body };
         let (mut of_speed, mut of_pitch) = (Vec::new(), Vec::new());
@@ -91,7 +93,8 @@ pub fn refine(segments: &[Segment], body: &Body, start: &Passive, setup: &Setup)
             let at = shared + INITIAL * index;
             let initial = [theta[at], theta[at + 1], theta[at + 2]];
             let (signals, first, stride) = (segment.signals, segment.samples.start, stride(segment.signals));
-            simulate(signals, segment.samples.clone(), &body, &passive, initial, |i, x| {
+            let aside = |i: usize| if turning { signals.aside(i) } else { 0.0 };
+            simulate(signals, segment.samples.clone(), &body, &passive, initial, aside, |i, x| {
                 if (i - first) % stride == 0 {
                     of_speed.push(signals.speed[i] - x[0]);
                     if setup.pitch_std.is_some() {
@@ -102,6 +105,9 @@ pub fn refine(segments: &[Segment], body: &Body, start: &Passive, setup: &Setup)
         }
         if setup.pitch_std.is_some() { vec![of_speed, of_pitch] } else { vec![of_speed] }
     };
+    let residuals = |theta: &[f64]| compare(theta, false);
+    let with_turning = |theta: &[f64]| compare(theta, true);
+    let turns = segments.iter().any(|segment| !segment.signals.turning[0].is_empty());
     let group = |name: &str, unit, std: f64| {
         let period = segments.first().map_or(0.01, |segment| segment.signals.period * stride(segment.signals) as f64);
         let cluster_rows = (1.0 / period).ceil() as usize;
@@ -119,6 +125,8 @@ pub fn refine(segments: &[Segment], body: &Body, start: &Passive, setup: &Setup)
         constraints: Vec::new(),
         trust: Trust::default(),
         passes: 1,
+        fuller: turns.then_some(&with_turning),
+        correct: setup.correct,
         progress: setup.progress.clone(),
     };
     let solution = minimise(&smooth, setup.loss)?;

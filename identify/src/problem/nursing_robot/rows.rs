@@ -92,6 +92,17 @@ impl Signals {
         self.speed.is_empty()
     }
 
+    /// Mean of `d(w sin phi_x)/dt + w phi_x'` over the step to sample `i`, rad/s2; 0 where unknown, see
+    /// [`Windows::turning`].
+    pub fn aside(&self, i: usize) -> f64 {
+        let [lean, rate] = &self.turning;
+        if lean.is_empty() {
+            return 0.0;
+        }
+        let mean = (lean[i] - lean[i - 1]) / self.period + 0.5 * (rate[i] + rate[i - 1]);
+        if mean.is_finite() { mean } else { 0.0 }
+    }
+
     fn pitch_at(&self, i: usize) -> f64 {
         if self.pitch.is_empty() { 0.0 } else { self.pitch[i] }
     }
@@ -125,7 +136,7 @@ impl Windows<'_> {
     /// `int psi (d(w sin phi_x)/dt + w phi_x')` of the window that starts at a sample: to leading order what a
     /// body that leans aside while the robot turns adds to the planar equations, times `b` in the
     /// longitudinal and times `J` in the pitch equation (Yang et al. leave it out). 0 where unknown.
-    fn turning(&self, start: usize) -> f64 {
+    pub fn turning(&self, start: usize) -> f64 {
         let [lean, rate] = &self.signals.turning;
         if lean.is_empty() { 0.0 } else { self.int(0, start, |i| rate[i]) - self.int(1, start, |i| lean[i]) }
     }
@@ -152,6 +163,7 @@ fn fill(rows: &mut Rows, windows: &Windows, neglected: f64, row: impl Fn(usize) 
         let made: Vec<_> = some.par_iter().map(|&at| (row(at), neglected * windows.turning(at))).collect();
         for ((a, y), neglected) in made {
             let cluster = first_cluster + ((rows.len() - before) / windows.cluster) as u32;
+            rows.guessed |= windows.signals.roll.is_empty();
             if rows.push(&a, y, cluster) {
                 rows.neglected.push(if neglected.is_finite() { neglected } else { 0.0 });
             }

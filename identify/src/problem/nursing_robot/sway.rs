@@ -26,31 +26,33 @@ pub struct Passive {
 /// Speed, pitch and pitch rate.
 pub type State = [f64; 3];
 
-fn rate(body: &Body, passive: &Passive, x: &State, force: f64, yaw_rate: f64) -> State {
+fn rate(body: &Body, passive: &Passive, x: &State, force: f64, yaw_rate: f64, aside: f64) -> State {
     let [v, phi, phi_dot] = *x;
     let (sin, cos) = phi.sin_cos();
     let (mt, w2) = (body.effective_mass(), yaw_rate * yaw_rate);
     let resist =
         passive.rolling * body.total_mass() * GRAVITY * (v / body.smoothing_speed).tanh() + body.drag * v * v.abs();
-    let r1 = force - resist + body.b * (w2 + phi_dot * phi_dot) * sin;
+    let r1 = force - resist + body.b * ((w2 + phi_dot * phi_dot) * sin - aside);
     if body.j == 0.0 {
         return [r1 / mt, 0.0, 0.0];
     }
     let r2 = body.b * GRAVITY * sin - passive.stiffness * (phi - passive.rest) - passive.damping * phi_dot
-        + body.j * w2 * sin * cos;
+        + body.j * (w2 * sin * cos - aside);
     let coupling = body.b * cos;
     let det = mt * body.j - coupling * coupling;
     [(body.j * r1 - coupling * r2) / det, phi_dot, (mt * r2 - coupling * r1) / det]
 }
 
 /// Simulates the samples of a range from a state at its first one; calls `each` with every sample
-/// and its state, the first included.
+/// and its state, the first included. `aside` is what roll while turning adds over the step to a sample
+/// ([`Signals::aside`]); 0 for the planar model.
 pub fn simulate(
     signals: &Signals,
     range: Range<usize>,
     body: &Body,
     passive: &Passive,
     start: State,
+    aside: impl Fn(usize) -> f64,
     mut each: impl FnMut(usize, &State),
 ) {
     let h = signals.period;
@@ -58,12 +60,12 @@ pub fn simulate(
     each(range.start, &x);
     for i in range.start + 1..range.end {
         let force = 0.5 * body.efficiency * (signals.force[i - 1] + signals.force[i]);
-        let w = signals.yaw_rate[i];
+        let (w, aside) = (signals.yaw_rate[i], aside(i));
         let ahead = |k: &State, share: f64| [0, 1, 2].map(|j| x[j] + share * h * k[j]);
-        let k1 = rate(body, passive, &x, force, w);
-        let k2 = rate(body, passive, &ahead(&k1, 0.5), force, w);
-        let k3 = rate(body, passive, &ahead(&k2, 0.5), force, w);
-        let k4 = rate(body, passive, &ahead(&k3, 1.0), force, w);
+        let k1 = rate(body, passive, &x, force, w, aside);
+        let k2 = rate(body, passive, &ahead(&k1, 0.5), force, w, aside);
+        let k3 = rate(body, passive, &ahead(&k2, 0.5), force, w, aside);
+        let k4 = rate(body, passive, &ahead(&k3, 1.0), force, w, aside);
         x = [0, 1, 2].map(|j| x[j] + h / 6.0 * (k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j]));
         each(i, &x);
     }

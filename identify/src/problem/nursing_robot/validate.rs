@@ -95,11 +95,19 @@ fn simulated_pitch(source: &str, log: &Windowed, body: &Body, hip: &Passive) -> 
         if start.iter().any(|value| value.is_nan()) {
             continue;
         }
-        sway::simulate(signals, range, body, hip, start, |i, x| {
-            trace.time.push(signals.start + signals.period * i as f64);
-            trace.measured.push(signals.pitch[i]);
-            trace.predicted.push(x[1]);
-        });
+        sway::simulate(
+            signals,
+            range,
+            body,
+            hip,
+            start,
+            |_| 0.0,
+            |i, x| {
+                trace.time.push(signals.start + signals.period * i as f64);
+                trace.measured.push(signals.pitch[i]);
+                trace.predicted.push(x[1]);
+            },
+        );
     }
     prediction(trace, 1)
 }

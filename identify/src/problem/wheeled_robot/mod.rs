@@ -214,6 +214,8 @@ fn solve(
         constraints: Vec::new(),
         trust: Trust { radius: 0.5, largest: 2.0, norm: TrustNorm::Box, accept: 0.1 },
         passes: 3,
+        fuller: None,
+        correct: false,
         progress: session.progress.clone(),
     };
     refine(&problem, session.loss())
