@@ -44,6 +44,10 @@ fn as_in_the_study(p: &mut Parameters) {
     p.filter.adaptation.enabled = false;
     p.filter.minimum_std.cg_height = 0.02;
     p.hold.settle_time = 0.0;
+    p.filter.alpha = 1.0;
+    // The reference reports the filter's own standard deviations.
+    let error = &mut p.model_error;
+    (error.slip_stiffness, error.cg_height, error.radius_softness) = (0.0, 0.0, 0.0);
 }
 
 fn vector_parameters() -> Parameters {

@@ -67,6 +67,8 @@ variables! {
         roughness: f64 = 1.0, "1", [0.0, 100.0];
         /// Grade, positive uphill.
         grade: f64 = 0.0, "rad", [-0.3, 0.3];
+        /// Torque as a multiple of the scenario's.
+        torque: f64 = 1.0, "1", [0.0, 10.0];
         /// Length of the log as a multiple of the scenario's.
         length: f64 = 1.0, "1", [0.1, 100.0];
     }
@@ -231,11 +233,16 @@ fn drive(course: Course, settings: &Settings, request: &Request) -> Log {
         let draw: f64 = StandardNormal.sample(random);
         value + std * draw
     };
+    let act = |t: f64, v: f64| {
+        let mut action = course.action(t, v, truth.grade);
+        action.torque = action.torque.map(|torque| torque * truth.torque);
+        action
+    };
     let substeps = (period / STEP).ceil().max(1.0) as usize;
     let h = period / substeps as f64;
     for k in 0..samples {
         let start = k as f64 * period;
-        let action = course.action(start, plant.speed(), truth.grade);
+        let action = act(start, plant.speed());
         let (loads, wheels) = (plant.loads(), plant.wheel_speeds());
         let row = [
             add(action.torque[0], noise.torque, &mut random),
@@ -267,7 +274,7 @@ fn drive(course: Course, settings: &Settings, request: &Request) -> Log {
         for i in 0..substeps {
             let t = start + i as f64 * h;
             // Midpoint in time; the speed limiter sees the speed at the step's begin.
-            plant.advance(&course.action(t + 0.5 * h, plant.speed(), truth.grade), h);
+            plant.advance(&act(t + 0.5 * h, plant.speed()), h);
         }
     }
     let mut log = Log {

@@ -73,10 +73,12 @@ impl Map {
 
     /// Whether an unknown is within 1 % of its range's ends.
     pub fn at_bound(&self, unknowns: &Unknowns) -> bool {
-        (0..3).any(|i| {
-            let share = (unknowns[i] - LOW[i]) / (HIGH[i] - LOW[i]);
-            !(0.01..=0.99).contains(&share)
-        })
+        (0..3).any(|i| self.at_end(i, unknowns[i]))
+    }
+
+    /// Whether this unknown is.
+    pub fn at_end(&self, i: usize, unknown: f64) -> bool {
+        !(0.01..=0.99).contains(&((unknown - LOW[i]) / (HIGH[i] - LOW[i])))
     }
 }
 

@@ -2,11 +2,11 @@
 //! extended by relative errors of the two rolling radii where these are estimated.
 
 use super::coordinates::{Map, unknowns};
-use super::parameters::{Adaptation, Form, Kind, Parameters, Radii};
+use super::parameters::{Adaptation, Form, Kind, ModelError, Parameters, Radii};
 use super::supervision::{Fading, SlipLimits, Supervision};
 use crate::filter::square_root::{absorb_diagonal, andrews, array, block, joseph, set_block, tria, variances};
 use crate::filter::srukf::{Gaussian, Spread, SpreadError, predict_linearised};
-use crate::model::wheel_loader::{Drive, Driven, Loader, Motion, Unknowns};
+use crate::model::wheel_loader::{Drive, Driven, GRAVITY, Loader, Motion, Unknowns};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use std::f64::consts::TAU;
 
@@ -46,8 +46,9 @@ pub struct Engine {
     start: Belief,
     /// The slip that torque must cause.
     pub slip_limits: SlipLimits,
-    /// Standard deviation of the height before the first sample, m.
-    pub start_height_std: f64,
+    /// Standard deviations of the unknowns before the first sample.
+    pub start_std: Vector3<f64>,
+    model_error: ModelError,
 }
 
 /// What happened in one sample.
@@ -132,7 +133,8 @@ impl Engine {
                 ratio: p.start.cg_ratio,
                 radius_std,
             },
-            start_height_std: p.start.cg_height_std,
+            start_std: Vector3::new(p.start.slip_stiffness_std, p.start.cg_height_std, p.start.cg_ratio_std),
+            model_error: p.model_error.clone(),
         })
     }
 
@@ -155,6 +157,20 @@ impl Engine {
     /// The machine with the radii of a belief.
     pub fn corrected(&self, radius_errors: [f64; 2]) -> Loader {
         Loader { wheel_radius: self.radius(radius_errors), ..self.loader }
+    }
+
+    /// What the model's simplifications can make of the unknowns, as standard deviations.
+    ///
+    /// A radius that shrinks by the share `s` of the tyre's deflection makes the acceleration's load
+    /// transfer, `m h/l` times it, into slip that is proportional to the torque, as that of the load
+    /// share itself: `dlambda = lambda (1 - lambda) 2 s K m g h / (l k r)`.
+    pub fn model_std(&self, unknowns: &Unknowns) -> Vector3<f64> {
+        let (stiffness, h, lambda) = (unknowns[0], unknowns[1], unknowns[2]);
+        let (loader, error) = (&self.loader, &self.model_error);
+        let radius = 0.5 * (loader.wheel_radius[0] + loader.wheel_radius[1]);
+        let softness = 2.0 * error.radius_softness * stiffness * loader.mass * GRAVITY * h
+            / (loader.wheelbase * error.tire_stiffness * radius);
+        Vector3::new(error.slip_stiffness * stiffness, error.cg_height * h, lambda * (1.0 - lambda) * softness)
     }
 
     /// Sets the motion from the first measurement; a missing wheel speed follows from the speed and
@@ -208,7 +224,11 @@ impl Engine {
         supervision: &mut Supervision,
     ) -> (Gaussian<N>, Outcome) {
         let held = supervision.held;
-        let mut belief = if held { self.hold(prior, dt) } else { self.predict::<N, K>(prior, drive, dt) };
+        let mut belief = if held && !supervision.settling {
+            self.hold(prior, dt)
+        } else {
+            self.predict::<N, K>(prior, drive, dt, !held)
+        };
 
         // Channels: missing ones carry no information, far ones are rejected for a while.
         let mut nu = Vector3::zeros();
@@ -323,10 +343,17 @@ impl Engine {
         predicted
     }
 
-    fn predict<const N: usize, const K: usize>(&self, prior: &Gaussian<N>, drive: &Drive, dt: f64) -> Gaussian<N> {
+    /// Time update by the model; the unknowns walk only if something may be learnt.
+    fn predict<const N: usize, const K: usize>(
+        &self,
+        prior: &Gaussian<N>,
+        drive: &Drive,
+        dt: f64,
+        learn: bool,
+    ) -> Gaussian<N> {
         let scale = (dt / WALK_TIME).sqrt();
-        let mut q = SVector::<f64, N>::from_fn(|i, _| self.process[i] * scale);
-        if self.supervise {
+        let mut q = SVector::<f64, N>::from_fn(|i, _| if i < 3 || learn { self.process[i] * scale } else { 0.0 });
+        if self.supervise && learn {
             let variance = variances(&prior.factor);
             for i in 0..3 {
                 let short = self.minimum[i] * self.minimum[i] - variance[3 + i];

@@ -14,6 +14,9 @@
 //! - `load_ratio` moves with acceleration, slope and spading; the source most probably plots it as
 //!   "CG location". The geometric centre of gravity of a rigid loader does not move.
 //! - A mismatch of the rolling radii looks like slip. See `filter.radii`.
+//! - Tyres are not the model's: their radius and stiffness change with the load. In the ratio of the slips
+//!   that cannot be told from the load share, and the error does not shrink with more data. The reported
+//!   standard deviations contain it (`model_error`), the filter's own covariance does not.
 //!
 //! Source: Yang, Wang and Han, "A novel real-time center of gravity estimation method for wheel
 //! loaders with front/rear-axle-independent electric driving" (2021); its errata stand beside the

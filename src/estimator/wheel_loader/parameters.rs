@@ -83,7 +83,7 @@ variables! {
         /// Standard deviation of the centre of gravity's ratio.
         cg_ratio_std: f64 = 0.1, "1", [1e-6, 0.5];
         /// Relative standard deviation of each rolling radius as given, used if the radii are corrected online. Raise it to 0.003 where they were not calibrated.
-        wheel_radius_std: f64 = 5e-4, "1", [1e-7, 0.05];
+        wheel_radius_std: f64 = 4e-4, "1", [1e-7, 0.05];
     }
 }
 
@@ -186,6 +186,20 @@ variables! {
 }
 
 variables! {
+    /// What the model's simplifications can make of the estimates however long the log is: standard deviations that are part of the reported ones as far as the data and not the start values made the estimate.
+    pub struct ModelError {
+        /// Relative standard deviation of the slip stiffness, for tyres whose stiffness changes with load and traction.
+        slip_stiffness: f64 = 0.04, "1", [0.0, 1.0];
+        /// Relative standard deviation of the centre of gravity's height.
+        cg_height: f64 = 0.06, "1", [0.0, 1.0];
+        /// Standard deviation of the loss of rolling radius per tyre deflection. The model has rigid wheels; load transfer then looks like a centre of gravity further ahead, which no data tell apart.
+        radius_softness: f64 = 0.05, "1", [0.0, 1.0];
+        /// Vertical stiffness of an axle's tyres, by which their deflection follows the load.
+        tire_stiffness: f64 = 7e5, "N/m", [1e3, 1e9];
+    }
+}
+
+variables! {
     /// The filter.
     pub struct Filter {
         /// Time update by sigma points or by linearisation.
@@ -196,8 +210,8 @@ variables! {
         parameters: Coordinates = Coordinates::Logit, "1";
         /// Whether the rolling radii are corrected online: coasting and changing torque reveal them.
         radii: Radii = Radii::Estimated, "1";
-        /// Spread of the sigma points.
-        alpha: f64 = 1.0, "1", [1e-4, 10.0];
+        /// Spread of the sigma points. Wider ones reach slips that no drive has, and read a slip stiffness from them at low speed.
+        alpha: f64 = 0.3, "1", [1e-4, 10.0];
         /// Weight of the fourth moment; at least alpha squared.
         beta: f64 = 2.0, "1", [0.0, 100.0];
         /// Second spread of the sigma points.
@@ -244,6 +258,8 @@ variables! {
         hold: Hold;
         /// The filter.
         filter: Filter;
+        /// What the model leaves out.
+        model_error: ModelError;
         /// Standard deviation of the centre of gravity's ratio up to which the estimates count as healthy.
         healthy_std: f64 = 0.05, "1", [1e-6, 1.0], tunable;
     }

@@ -12,7 +12,7 @@ impl WheelLoader {
     pub(super) fn report_status(&self) -> Status {
         let mut status = Status::OK;
         let unknowns = self.engine.unknowns(&self.state.belief.mean);
-        status.raise_if(!self.height_observable(unknowns[1]), Status::UNOBSERVABLE);
+        status.raise_if(!self.height_observable(&unknowns), Status::UNOBSERVABLE);
         status.raise_if(self.engine.map.at_bound(&unknowns), Status::AT_BOUND);
         if !self.state.supervision.held {
             let (machine, motion) = self.machine_and_motion();
@@ -27,13 +27,9 @@ impl WheelLoader {
         (self.engine.corrected([mean[6], mean[7]]), Motion::new(mean[0], mean[1], mean[2]))
     }
 
-    /// Standard deviations of `[K, h, lambda]`.
-    fn unknown_std(&self) -> Vector3<f64> {
-        unknown_std(&self.engine, &self.state.belief)
-    }
-
-    fn height_observable(&self, height: f64) -> bool {
-        self.engine.map.slope_of(1, height) * std_of(&self.state.belief.factor, 4) < 0.5 * self.engine.start_height_std
+    fn height_observable(&self, unknowns: &Unknowns) -> bool {
+        let std = reported_std(&self.engine, &self.state.belief, unknowns);
+        std[1] < 0.5 * self.engine.start_std[1]
     }
 
     /// Fills the outputs, the motion carried `ahead` seconds forward with `inputs` held.
@@ -41,7 +37,7 @@ impl WheelLoader {
         let (state, engine) = (&self.state, &self.engine);
         let held = state.supervision.held;
         let unknowns = engine.unknowns(&state.belief.mean);
-        let std = self.unknown_std();
+        let std = reported_std(engine, &state.belief, &unknowns);
         let (machine, mut motion) = self.machine_and_motion();
         let (drive, _) = self.drive(inputs, &mut Status::default());
         if state.started && !held && ahead > 0.0 && ahead.is_finite() {
@@ -70,7 +66,7 @@ impl WheelLoader {
         (out.load_ratio, out.load_ratio_std) =
             load_ratio(engine, &state.belief, &machine, &motion, &unknowns, &drive, standing);
         out.hold = held;
-        out.cg_height_observable = self.height_observable(unknowns[1]);
+        out.cg_height_observable = self.height_observable(&unknowns);
         out.slip_inconsistent = state.supervision.evidence.contradicts;
         out.nis = state.nis;
         out.log_likelihood = state.log_likelihood;
@@ -84,9 +80,24 @@ impl WheelLoader {
     }
 }
 
-fn unknown_std(engine: &Engine, belief: &Gaussian<STATES>) -> Vector3<f64> {
-    let slope = engine.map.slope(&engine.unknowns(&belief.mean));
-    Vector3::from_fn(|i, _| slope[i] * std_of(&belief.factor, 3 + i))
+/// Standard deviations of `[K, h, lambda]`: the filter's and the model's. An unknown at the end of its
+/// range is known no better than at the start.
+fn reported_std(engine: &Engine, belief: &Gaussian<STATES>, unknowns: &Unknowns) -> Vector3<f64> {
+    let (slope, model) = (engine.map.slope(unknowns), model_variance(engine, belief, unknowns));
+    Vector3::from_fn(|i, _| {
+        let std = ((slope[i] * std_of(&belief.factor, 3 + i)).powi(2) + model[i]).sqrt();
+        if engine.map.at_end(i, unknowns[i]) { std.max(engine.start_std[i]) } else { std }
+    })
+}
+
+/// Variances that the model's simplifications add to those of `[K, h, lambda]`, as far as the data and
+/// not the start values made the estimate.
+fn model_variance(engine: &Engine, belief: &Gaussian<STATES>, unknowns: &Unknowns) -> Vector3<f64> {
+    let (before, model) = (&engine.start().factor, engine.model_std(unknowns));
+    Vector3::from_fn(|i, _| {
+        let left = (std_of(&belief.factor, 3 + i) / before[(3 + i, 3 + i)]).powi(2);
+        (1.0 - left).max(0.0) * model[i] * model[i]
+    })
 }
 
 /// Front axle's share of the load with its standard deviation. A standing machine carries itself
@@ -117,10 +128,11 @@ fn load_ratio(
         point.load[0]
     };
     let front = if point.lift && !standing { point.load[0] } else { front };
-    let slope = engine.map.slope(unknowns);
+    let (slope, by_ratio) = (engine.map.slope(unknowns), gradient[5]);
     for i in 0..3 {
         gradient[3 + i] *= slope[i];
     }
-    let std = (belief.factor.transpose() * gradient).norm() / total;
+    let model = by_ratio * by_ratio * model_variance(engine, belief, unknowns)[2];
+    let std = ((belief.factor.transpose() * gradient).norm_squared() + model).sqrt() / total;
     ((front / total).clamp(0.0, 1.0), std)
 }

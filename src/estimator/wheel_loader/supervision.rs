@@ -13,11 +13,18 @@ const MEMORY: f64 = 10.0;
 /// Standard errors between the slip that was seen and the least that a tyre must show.
 const CONFIDENCE: f64 = 2.5;
 
+/// Last part of the settling time, s. Held motion walks at random, so that its slip is known ten times
+/// worse than slip can differ from its law; a bilinear model would read a slip stiffness from that.
+/// In this time the motion follows the model and finds back to the slip's law, the unknowns still held.
+const SETTLING: f64 = 0.2;
+
 /// The supervision's memory.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Supervision {
     /// The unknowns are held.
     pub held: bool,
+    /// The unknowns are held, but the motion already follows the model: see [`SETTLING`].
+    pub settling: bool,
     /// Successive rejections per channel.
     pub masked: [u32; 3],
     /// Successive samples without any measurement.
@@ -77,6 +84,7 @@ impl Default for Supervision {
     fn default() -> Self {
         Self {
             held: true,
+            settling: false,
             masked: [0; 3],
             lost: 0,
             stale: 0,
@@ -114,7 +122,9 @@ impl Supervision {
         };
         let unfit = reasons.standstill || reasons.spin || reasons.lost;
         self.settled = if unfit { 0.0 } else { self.settled + dt };
-        self.held = unfit || self.evidence.contradicts || self.settled <= hold.settle_time;
+        let early = unfit || self.evidence.contradicts;
+        self.held = early || self.settled <= hold.settle_time;
+        self.settling = self.held && !early && self.settled > hold.settle_time - SETTLING;
         reasons
     }
 }
