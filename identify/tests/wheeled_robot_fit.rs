@@ -1,12 +1,18 @@
 //! Tyre parameters of the built-in plant: stiffness from gentle and strong driving, honest verdicts,
 //! and what the observer's forces cost.
 
+use nalgebra::{Matrix4, Vector4};
+use wheelstate::estimator::wheeled_robot::Parameters;
+use wheelstate::model::tire::Tire;
 use wheelstate_identify::log::Log;
 use wheelstate_identify::problem::fit;
+use wheelstate_identify::problem::wheeled_robot::axles::{Instant, axles, tires as tires_of};
+use wheelstate_identify::problem::wheeled_robot::solve;
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::report::FitReport;
 use wheelstate_identify::request::FitRequest;
 use wheelstate_identify::simulate::{Request, simulate};
+use wheelstate_identify::solve::Loss;
 use wheelstate_identify::vehicle::Vehicle;
 
 const STIFFNESS: f64 = 1318.464;
@@ -81,4 +87,132 @@ fn a_log_without_lateral_speed_is_refused_by_name() {
     log.channels.retain(|channel| channel.name != "speed_y");
     let error = fit(Vehicle::WheeledRobot, &[log], &FitRequest::default(), &Progress::none()).unwrap_err();
     assert!(error.to_string().contains("speed_y"), "{error}");
+}
+
+/// Swinging beyond the limit of a slippery road, the front tyres pass their peak.
+fn beyond_the_limit(seed: u64) -> Log {
+    let settings = [("plant.lateral", 7.0), ("plant.speed", 4.0), ("plant.duration", 60.0), ("plant.friction", 0.4375)];
+    log("sine", seed, &settings)
+}
+
+#[test]
+fn driving_beyond_the_limit_shows_the_peak() {
+    let report = tires(&[beyond_the_limit(3)], &[]);
+    // the plant's friction is 0.4375 of the estimator's known value
+    for (name, truth) in [("friction", 0.35), ("shape", 1.4), ("curvature", -0.2), ("stiffness", STIFFNESS)] {
+        let found = &report.parameters[&format!("tire.front.{name}")];
+        assert!(found.identified, "{name}");
+        assert!(found.ci95[0] < truth && truth < found.ci95[1], "{name} {:?}", found.ci95);
+    }
+    let friction = &report.parameters["tire.front.friction"];
+    assert!((friction.value / 0.35 - 1.0).abs() < 0.02, "{}", friction.value);
+    // the rear tyres stay before theirs, and their known friction of 0.8 is wrong: the stiffness says so
+    assert!(!report.parameters["tire.rear.friction"].identified);
+    let rear = &report.parameters["tire.rear.stiffness"];
+    assert!(rear.ci95[1] > STIFFNESS, "{:?}", rear.ci95);
+}
+
+/// The Magic Formula again, one tyre at a time.
+fn tire_force(theta: &[f64; 4], known: &Tire, slip: f64, load: f64) -> f64 {
+    let [stiffness, shape, friction, curvature] = [theta[0].exp(), theta[1], theta[2].exp(), theta[3]];
+    let part = load / known.nominal_load;
+    let mu = friction * (1.0 + known.friction_slope / known.friction * (part - 1.0)).max(0.05);
+    let c2 = known.load_sensitivity;
+    let slope = stiffness * (2.0 * (part / c2).atan()).sin() / (2.0 * (1.0 / c2).atan()).sin();
+    let x = slope / (shape * mu * load) * slip;
+    mu * load * (shape * (x - curvature * (x - x.atan())).atan()).sin()
+}
+
+/// Huber's loss beyond 1.345 standard deviations, and its weight.
+fn huber(u: f64) -> (f64, f64) {
+    const K: f64 = 1.345;
+    if u.abs() <= K { (0.5 * u * u, 1.0) } else { (K * (u.abs() - 0.5 * K), K / u.abs()) }
+}
+
+/// Levenberg and Marquardt's method with Huber's weights, from several starts: shares nothing with the
+/// sequential convex programs.
+fn levenberg_marquardt(residuals: &dyn Fn(&[f64; 4]) -> Vec<f64>, scale: f64, prior: [f64; 4]) -> f64 {
+    let (low, high) = ([10f64.ln(), 1.0, 0.05f64.ln(), -5.0], [1e7f64.ln(), 2.2, 2f64.ln(), 0.95]);
+    let rows = |theta: &[f64; 4]| {
+        let mut all: Vec<f64> = residuals(theta).iter().map(|r| r / scale).collect();
+        all.extend([(theta[1] - prior[1]) / 0.3, theta[3] - prior[3]]);
+        all
+    };
+    let cost = |rows: &[f64]| {
+        let (data, priors) = rows.split_at(rows.len() - 2);
+        data.iter().map(|u| huber(*u).0).sum::<f64>() + priors.iter().map(|u| 0.5 * u * u).sum::<f64>()
+    };
+    let mut best = f64::INFINITY;
+    for start in [prior, [prior[0] - 0.3, 1.2, prior[2] - 0.8, 0.3], [prior[0] + 0.3, 1.8, prior[2] + 0.3, -1.5]] {
+        let (mut theta, mut damping) = (start, 1e-2);
+        let mut value = cost(&rows(&theta));
+        for _ in 0..120 {
+            let here = rows(&theta);
+            let slopes: Vec<Vec<f64>> = (0..4)
+                .map(|j| {
+                    let mut moved = theta;
+                    moved[j] += 1e-6;
+                    rows(&moved).iter().zip(&here).map(|(a, b)| (a - b) / 1e-6).collect()
+                })
+                .collect();
+            let last = here.len() - 2;
+            let weight = |i: usize| if i < last { huber(here[i]).1 } else { 1.0 };
+            let sum = |f: &dyn Fn(usize) -> f64| (0..here.len()).map(|i| weight(i) * f(i)).sum::<f64>();
+            let mut normal = Matrix4::from_fn(|j, k| sum(&|i| slopes[j][i] * slopes[k][i]));
+            let gradient = Vector4::from_fn(|j, _| sum(&|i| slopes[j][i] * here[i]));
+            (0..4).for_each(|j| normal[(j, j)] *= 1.0 + damping);
+            let Some(step) = normal.lu().solve(&gradient) else { break };
+            let trial: [f64; 4] = std::array::from_fn(|j| (theta[j] - step[j]).clamp(low[j], high[j]));
+            let reached = cost(&rows(&trial));
+            if reached < value {
+                (theta, value, damping) = (trial, reached, damping * 0.3);
+            } else {
+                damping *= 4.0;
+            }
+            if damping > 1e12 {
+                break;
+            }
+        }
+        best = best.min(value);
+    }
+    best
+}
+
+/// The sequential convex programs end at the cost that another method finds.
+#[test]
+fn the_fit_is_as_good_as_an_independent_least_squares() {
+    let gentle = log("sine", 4, &[("plant.lateral", 1.0), ("plant.duration", 20.0)]);
+    let strong = log("sine", 3, &[("plant.lateral", 5.0), ("plant.duration", 20.0)]);
+    let p = Parameters::default();
+    for (about, log) in [("gentle", gentle), ("strong", strong), ("beyond the limit", beyond_the_limit(3))] {
+        let pair = tires_of(&p);
+        let found = axles(&log, &p).unwrap();
+        let instants: Vec<_> = found.instants.iter().map(|instant| (0, instant)).collect();
+        for axle in 0..2 {
+            let fit = solve(&p, &instants, axle, &pair, [true; 4], Loss::Huber, &Progress::none()).unwrap();
+            let known = pair[axle];
+            let other =
+                |i: &Instant, wheel: usize| tire_force(&theta_of(&pair[0]), &pair[0], i.slip[wheel], i.load[wheel]);
+            let residuals = |theta: &[f64; 4]| -> Vec<f64> {
+                let of = |i: &Instant| {
+                    let force = |wheel: usize| tire_force(theta, &known, i.slip[wheel], i.load[wheel]);
+                    if axle == 0 {
+                        let (left, right) = (force(0), force(1));
+                        i.axle_force[0] - i.across * (left + right) - i.leak * (left - right)
+                    } else {
+                        i.axle_force[1] - force(2) - force(3) + i.leak * (other(i, 0) - other(i, 1))
+                    }
+                };
+                found.instants.iter().map(of).collect()
+            };
+            let own = *fit.cost.last().unwrap();
+            let exact = levenberg_marquardt(&residuals, fit.scales[0], theta_of(&known));
+            println!("{about}, axle {axle}: cost {own:.4}, independent {exact:.4}");
+            assert!((own / exact - 1.0).abs() < 0.01, "{about}, axle {axle}");
+        }
+    }
+}
+
+fn theta_of(tire: &Tire) -> [f64; 4] {
+    [tire.stiffness.ln(), tire.shape, tire.friction.ln(), tire.curvature]
 }

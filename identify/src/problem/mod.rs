@@ -41,7 +41,7 @@ pub mod session;
 pub mod weak_form;
 pub mod wheel_loader;
 pub mod wheelchair;
-mod wheeled_robot;
+pub mod wheeled_robot;
 
 pub use known::Known;
 pub use session::{Fitted, Judgement, Session};

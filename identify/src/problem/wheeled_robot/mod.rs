@@ -9,14 +9,15 @@
 //! angles reach beyond `2/B`, near the peak, and their standard errors are small. Else they keep their
 //! known values ("prior only") and the rest is fitted again with them.
 
-mod axles;
+pub mod axles;
 
 use super::{FitError, Fitted, Judgement, Prediction, Problem, Session, Target, Task};
 use crate::assess::Limits;
 use crate::log::{Log, LogError};
+use crate::progress::Progress;
 use crate::report::Trace;
 use crate::solve::{
-    Regression, Rows, Scale, Smooth, SmoothGroup, Solution, SolveError, Trust, TrustNorm, Unknown, refine,
+    Loss, Regression, Rows, Scale, Smooth, SmoothGroup, Solution, SolveError, Trust, TrustNorm, Unknown, refine,
 };
 use crate::vehicle::Vehicle;
 use axles::{Axles, Instant, axles, model, tires};
@@ -128,7 +129,9 @@ fn tire(
         return Ok(pair[axle]);
     }
     let prior = pair[axle];
-    let all = solve(p, &instants, axle, pair, [true; 4], session)?;
+    let (loss, progress) = (session.loss(), session.progress.clone());
+    let solve = |free: [bool; 4]| solve(p, &instants, axle, pair, free, loss, &progress);
+    let all = solve([true; 4])?;
     let theta: [f64; 4] = std::array::from_fn(|i| all.theta[i]);
     let fitted = with(&prior, &theta);
     let (bend, reach) = reach(p, &fitted, &instants, axle);
@@ -136,11 +139,14 @@ fn tire(
     let shape = near_peak && all.std(1) < RELATIVE * theta[1] && !all.at_bound[1];
     let curvature = near_peak && all.std(3) < CURVATURE && !all.at_bound[3];
     let free = [true, shape, near_peak, curvature];
-    let fit = if free == [true; 4] { all } else { solve(p, &instants, axle, pair, free, session)? };
+    let with_all = all.theta[0].exp();
+    let fit = if free == [true; 4] { all } else { solve(free)? };
+    // what the known values of the others pull the stiffness by
+    let pull = (fit.theta[0].exp() - with_all).abs();
     let mut end = unknowns(&prior);
     (0..4).filter(|i| free[*i]).zip(&fit.theta).for_each(|(i, value)| end[i] = *value);
     let fit = session.keep(fit);
-    record(axle, free, fit, flattening(logs, axle), session);
+    record(axle, free, fit, flattening(logs, axle), pull, session);
     for parameter in (1..4).filter(|parameter| !free[*parameter]) {
         let reason = if near_peak {
             "prior only: the slip angles do not tell it from the other parameters".to_owned()
@@ -164,14 +170,16 @@ fn reach(p: &Parameters, tire: &Tire, instants: &[(usize, &Instant)], axle: usiz
     (tire.coefficients(load).b, angles[(angles.len() - 1) * 98 / 100])
 }
 
-/// One fit of an axle; unknowns that are not free keep their known values and are left out.
-fn solve(
+/// One fit of the unknowns `(ln K0, C, ln mu0, E)` of an axle's tyres to instants, each with the number of its
+/// log; `pair` holds the known values. Unknowns that are not free keep these and are left out.
+pub fn solve(
     p: &Parameters,
     instants: &[(usize, &Instant)],
     axle: usize,
     pair: &[Tire; 2],
     free: [bool; 4],
-    session: &Session,
+    loss: Loss,
+    progress: &Progress,
 ) -> Result<Solution, SolveError> {
     let prior = &pair[axle];
     let known = unknowns(prior);
@@ -216,9 +224,9 @@ fn solve(
         passes: 3,
         fuller: None,
         correct: false,
-        progress: session.progress.clone(),
+        progress: progress.clone(),
     };
-    refine(&problem, session.loss())
+    refine(&problem, loss)
 }
 
 /// Relative loss of stiffness by noise in the slip angles: noise power over slip power.
@@ -233,14 +241,14 @@ fn flattening(logs: &[Axles], axle: usize) -> f64 {
     if slip > 0.0 { (noise / slip).min(1.0) } else { 0.0 }
 }
 
-fn record(axle: usize, free: [bool; 4], fit: Fitted, flattening: f64, session: &mut Session) {
+fn record(axle: usize, free: [bool; 4], fit: Fitted, flattening: f64, pull: f64, session: &mut Session) {
     let stiffness = session.solution(fit).theta[0].exp();
     // Condition and correlation say little beside priors: standard errors judge.
     let limits =
         Limits { condition_number: f64::INFINITY, relative_error: RELATIVE, correlation: 1.1, ..Limits::default() };
     let judgement = |parameter: usize| {
         let absolute_error = (parameter == 3).then_some(CURVATURE);
-        let systematic_std = if parameter == 0 { flattening * stiffness } else { 0.0 };
+        let systematic_std = if parameter == 0 { pull.hypot(flattening * stiffness) } else { 0.0 };
         Judgement { limits: Limits { absolute_error, ..limits }, systematic_std, ..Judgement::default() }
     };
     for (place, parameter) in (0..4).filter(|parameter| free[*parameter]).enumerate() {
