@@ -210,11 +210,26 @@ impl<'a> Session<'a> {
     }
 
     fn sampling_error(&self, estimate: &Estimate) -> f64 {
+        let (spread, bias) = self.spread_and_bias(estimate);
+        spread.hypot(bias)
+    }
+
+    fn spread_and_bias(&self, estimate: &Estimate) -> (f64, f64) {
         let solution = &self.solutions[estimate.fit];
         let gradient = DVector::from_column_slice(&estimate.gradient);
         let variance = gradient.dot(&(&solution.covariance * &gradient)).max(0.0);
-        let bias = gradient.dot(&DVector::from_column_slice(&solution.bias));
-        (variance + bias * bias).sqrt()
+        (variance.sqrt(), gradient.dot(&DVector::from_column_slice(&solution.bias)))
+    }
+
+    /// Which estimates are mostly biased, if the user may have that subtracted.
+    fn note_on_bias(&self) -> Option<String> {
+        let biased = self.estimates.iter().filter_map(|estimate| {
+            let (spread, bias) = self.spread_and_bias(estimate);
+            (bias.abs() > spread).then(|| format!("{} by about {bias:.2e}", estimate.name))
+        });
+        let biased = biased.collect::<Vec<_>>().join(", ");
+        (!self.options.correct && !biased.is_empty())
+            .then(|| format!("biased beyond chance: {biased} (--correct subtracts what is known of it)"))
     }
 
     fn evidence(&self, estimate: &Estimate, range: (f64, f64)) -> Evidence {
@@ -248,6 +263,7 @@ impl<'a> Session<'a> {
     pub(super) fn report(&self, known: &Known) -> FitReport {
         let mut report =
             FitReport { warnings: self.warnings.clone(), notes: self.notes.clone(), ..FitReport::default() };
+        report.notes.extend(self.note_on_bias());
         let mut used: Vec<usize> = self.estimates.iter().map(|estimate| estimate.fit).collect();
         used.sort_unstable();
         used.dedup();
