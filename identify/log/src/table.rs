@@ -81,9 +81,11 @@ pub(super) fn time_column(file: &str, names: &[&str]) -> Result<usize, LogError>
         let what = format!("no column 'time'; the columns seem to be separated by {by}, commas are expected");
         return Err(LogError::file(file, format!("{what} (and decimal points)")));
     }
-    let like_time = |name: &&&str| ["time", "stamp"].iter().any(|word| name.to_lowercase().contains(word));
-    let near = names.iter().find(like_time).or(names.iter().find(|name| name.to_lowercase().starts_with('t')));
-    let near = quoted(near.or(names.first()).unwrap_or(&"t")).replace('\'', "\"");
+    let lower: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
+    let like_time =
+        |name: &String| name.contains("time") || name.contains("stamp") || name == "t" || name.starts_with("t_");
+    let near = lower.iter().position(like_time).map_or("...", |index| names[index]);
+    let near = quoted(near).replace('\'', "\"");
     let columns = listed(names.iter().copied());
     let what = format!("no column 'time' (columns: {columns}); a column map can name another one: time = {near}");
     Err(LogError::file(file, what))

@@ -110,6 +110,7 @@ fn broken_files_are_refused_in_one_line_that_names_the_place() {
         ("time;v (a,b)\n0,0;1,5\n0,1;2,5\n", "separated by semicolons"),
         ("time\tspeed\n0\t1\n1\t2\n", "separated by tabs"),
         ("speed,tilt,t_stamp\n0,1,2\n1,2,3\n", "time = \"t_stamp\""),
+        ("speed,tilt,torque\n0,1,2\n1,2,3\n", "time = \"...\""),
         ("\u{1f}\u{0}x", "is no CSV file but binary"),
         ("speed,Time\n0,1\n1,2\n", "time = \"Time\""),
     ] {

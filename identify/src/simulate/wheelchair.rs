@@ -14,10 +14,22 @@ use wheelstate::{Variables, variables};
 
 /// The scenarios.
 pub const SCENARIOS: &[Scenario] = &[
-    Scenario { name: "climb", about: "straight up a ramp of 0.08 rad and, without force, down again" },
-    Scenario { name: "oblique", about: "onto the ramp at 60 degrees to its contour line; gravity turns the chair" },
-    Scenario { name: "yaw-moment", about: "straight up the ramp with a yaw moment of 3 N m for half a second" },
-    Scenario { name: "identification", about: "40 s of pushes in both directions and turns, for the fit" },
+    Scenario {
+        name: "climb",
+        about: "straight up a ramp of 0.08 rad and, without force, down again; initial.heading = 1.5708",
+    },
+    Scenario {
+        name: "oblique",
+        about: "onto the ramp at 60 degrees to its contour line, where gravity turns it; initial.heading = 1.0472",
+    },
+    Scenario {
+        name: "yaw-moment",
+        about: "straight up the ramp with a yaw moment of 3 N m for half a second; initial.heading = 1.5708",
+    },
+    Scenario {
+        name: "identification",
+        about: "40 s of pushes in both directions and turns, for the fit; initial.heading = 1",
+    },
 ];
 
 variables! {
