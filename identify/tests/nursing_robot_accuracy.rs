@@ -8,6 +8,7 @@ mod support;
 
 use drive::{PERIOD, estimates, rms, simulated};
 use support::{median, quantile};
+use wheelstate::Status;
 use wheelstate::estimator::nursing_robot::{Outputs, Parameters, SwayModel};
 
 const SEEDS: u64 = 60;
@@ -155,6 +156,30 @@ fn u4_tilt_and_tilt_rate_see_everything() {
         within(&format!("{scenario}: pitch, mrad"), &error, 3.0, 3.0);
         assert!(median(&inside) > 0.9, "{scenario}: {}", median(&inside));
     }
+}
+
+/// While the mass is still wrong after a part of the load is gone, the sway from the wheels alone is
+/// wrong by radians. That must not pass as healthy, and what is right must not be flagged.
+#[test]
+fn a_sway_that_only_explains_a_wrong_mass_is_not_healthy() {
+    let mut absurd = (0, 0);
+    for seed in 0..10 {
+        let run = simulated("load-drop", seed, &[]);
+        let truth = run.log.channel("true_body_pitch").unwrap();
+        for (out, truth) in estimates(&run.log, &run.assumed).iter().zip(truth) {
+            if (out.body_pitch - truth).abs() > 0.4 {
+                absurd = (absurd.0 + 1, absurd.1 + usize::from(!out.healthy));
+            }
+        }
+        for scenario in ["smooth-start", "abrupt-start", "coughs", "lean", "release", "disturbed"] {
+            let run = simulated(scenario, seed, &[]);
+            let outputs = estimates(&run.log, &run.assumed);
+            let flagged = outputs.iter().filter(|out| out.status.contains(Status::AT_BOUND)).count();
+            assert!(flagged == 0, "{scenario} {seed}: {flagged} samples");
+        }
+    }
+    println!("{} of {} absurd samples are not healthy", absurd.1, absurd.0);
+    assert!(absurd.0 > 300 && absurd.1 * 10 > absurd.0 * 7, "{absurd:?}");
 }
 
 /// U5: a kept lean cannot be seen from the wheels. The estimate stays near the rest posture, and its
