@@ -28,8 +28,8 @@ impl WheelLoader {
     }
 
     fn height_observable(&self, unknowns: &Unknowns) -> bool {
-        let std = reported_std(&self.engine, &self.state.belief, unknowns);
-        std[1] < 0.5 * self.engine.start_std[1]
+        let model = self.engine.model_std(unknowns);
+        reported_std_of(1, &self.engine, &self.state.belief, unknowns, &model) < 0.5 * self.engine.start_std[1]
     }
 
     /// Fills the outputs, the motion carried `ahead` seconds forward with `inputs` held.
@@ -80,24 +80,32 @@ impl WheelLoader {
     }
 }
 
-/// Standard deviations of `[K, h, lambda]`: the filter's and the model's. An unknown at the end of its
-/// range is known no better than at the start.
+/// Standard deviations of `[K, h, lambda]`.
 fn reported_std(engine: &Engine, belief: &Gaussian<STATES>, unknowns: &Unknowns) -> Vector3<f64> {
-    let (slope, model) = (engine.map.slope(unknowns), model_variance(engine, belief, unknowns));
-    Vector3::from_fn(|i, _| {
-        let std = ((slope[i] * std_of(&belief.factor, 3 + i)).powi(2) + model[i]).sqrt();
-        if engine.map.at_end(i, unknowns[i]) { std.max(engine.start_std[i]) } else { std }
-    })
+    let model = engine.model_std(unknowns);
+    Vector3::from_fn(|i, _| reported_std_of(i, engine, belief, unknowns, &model))
 }
 
-/// Variances that the model's simplifications add to those of `[K, h, lambda]`, as far as the data and
-/// not the start values made the estimate.
-fn model_variance(engine: &Engine, belief: &Gaussian<STATES>, unknowns: &Unknowns) -> Vector3<f64> {
-    let (before, model) = (&engine.start().factor, engine.model_std(unknowns));
-    Vector3::from_fn(|i, _| {
-        let left = (std_of(&belief.factor, 3 + i) / before[(3 + i, 3 + i)]).powi(2);
-        (1.0 - left).max(0.0) * model[i] * model[i]
-    })
+/// Standard deviation of one unknown: the filter's and the model's. An unknown at the end of its range is
+/// known no better than at the start.
+fn reported_std_of(
+    i: usize,
+    engine: &Engine,
+    belief: &Gaussian<STATES>,
+    unknowns: &Unknowns,
+    model: &Vector3<f64>,
+) -> f64 {
+    let slope = engine.map.slope_of(i, unknowns[i]);
+    let variance = slope * slope * std_of(&belief.factor, 3 + i).powi(2) + model_variance(i, engine, belief, model);
+    let std = variance.sqrt();
+    if engine.map.at_end(i, unknowns[i]) { std.max(engine.start_std[i]) } else { std }
+}
+
+/// Variance that the model's simplifications add, as far as the data and not the start values made the
+/// estimate.
+fn model_variance(i: usize, engine: &Engine, belief: &Gaussian<STATES>, model: &Vector3<f64>) -> f64 {
+    let left = std_of(&belief.factor, 3 + i) / engine.start().factor[(3 + i, 3 + i)];
+    (1.0 - left * left).max(0.0) * model[i] * model[i]
 }
 
 /// Front axle's share of the load with its standard deviation. A standing machine carries itself
@@ -132,7 +140,7 @@ fn load_ratio(
     for i in 0..3 {
         gradient[3 + i] *= slope[i];
     }
-    let model = by_ratio * by_ratio * model_variance(engine, belief, unknowns)[2];
+    let model = by_ratio * by_ratio * model_variance(2, engine, belief, &engine.model_std(unknowns));
     let std = ((belief.factor.transpose() * gradient).norm_squared() + model).sqrt() / total;
     ((front / total).clamp(0.0, 1.0), std)
 }
