@@ -32,10 +32,16 @@ impl<const N: usize> Belief<N> {
         self.covariance[(index, index)] = variance;
     }
 
-    /// Whether all numbers are finite and no variance is negative.
+    /// Whether all numbers are finite, their sum far from overflow, and no variance is negative.
     pub fn is_sound(&self) -> bool {
-        self.mean.iter().chain(self.covariance.iter()).all(|x| bounded(*x))
-            && (0..N).all(|i| self.covariance[(i, i)] >= 0.0)
+        // Row by row, so that the processor adds several numbers at once.
+        let mut sums = self.mean.abs();
+        for column in &self.covariance.data.0 {
+            for (sum, value) in sums.iter_mut().zip(column) {
+                *sum += value.abs();
+            }
+        }
+        bounded(sums.sum()) && (0..N).all(|i| self.covariance[(i, i)] >= 0.0)
     }
 }
 

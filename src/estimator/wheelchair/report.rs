@@ -3,8 +3,8 @@
 use super::observer::Drive;
 use super::{ChairBelief, Inputs, Outputs, Wheelchair};
 use crate::filter::belief::Belief;
-use crate::model::wheelchair::{self as model, Command, gravity, pitch, pitch_gradient};
-use nalgebra::{SMatrix, SVector};
+use crate::model::wheelchair::{self as model, Command, gravity, pitch};
+use nalgebra::SVector;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// A slope below this many of its standard deviations may as well be flat.
@@ -52,12 +52,11 @@ impl Wheelchair {
         match &self.state.belief {
             ChairBelief::Basic(filter) => {
                 let mean = self.basic.carry_forward(&filter.mean, ahead, &drive);
-                self.report_chair(&mean, &filter.covariance, outputs);
+                self.report_chair(&mean, filter, outputs);
             }
             ChairBelief::Biased(filter) => {
                 let mean = self.biased.carry_forward(&filter.mean, ahead, &drive);
-                let chair = mean.fixed_rows::<6>(0).into_owned();
-                self.report_chair(&chair, &filter.covariance.fixed_view::<6, 6>(0, 0).into_owned(), outputs);
+                self.report_chair(&mean, filter, outputs);
                 report_biases(&mean, filter, outputs);
             }
             ChairBelief::Gravity(filter) => {
@@ -77,8 +76,9 @@ impl Wheelchair {
             && outputs.speed_std <= limit.healthy_speed_std;
     }
 
-    fn report_chair(&self, x: &model::State, covariance: &SMatrix<f64, 6, 6>, outputs: &mut Outputs) {
-        let std = |index: usize| covariance[(index, index)].max(0.0).sqrt();
+    /// The outputs that come from the first six states, with or without biases behind them.
+    fn report_chair<const N: usize>(&self, x: &SVector<f64, N>, belief: &Belief<N>, outputs: &mut Outputs) {
+        let (std, covariance) = (|index: usize| belief.std(index), &belief.covariance);
         // (alpha, xi, w) and (alpha + pi, -xi, -w) are the same pose.
         let turned = self.parameters.filter.canonical_slope && x[model::XI] < 0.0;
         let sign = if turned { -1.0 } else { 1.0 };
@@ -89,8 +89,8 @@ impl Wheelchair {
         (outputs.yaw_rate, outputs.yaw_rate_std) = (x[model::R], std(model::R));
         (outputs.slope, outputs.slope_std) = (sign * x[model::XI], std(model::XI));
         (outputs.slope_rate, outputs.slope_rate_std) = (sign * x[model::W], std(model::W));
-        outputs.pitch = pitch(x[model::ALPHA], x[model::XI]);
-        let [a, b] = pitch_gradient(x[model::ALPHA], x[model::XI]);
+        let (angle, [a, b]) = pitch(x[model::ALPHA], x[model::XI]);
+        outputs.pitch = angle;
         let (i, j) = (model::ALPHA, model::XI);
         let variance = a * a * covariance[(i, i)] + 2.0 * a * b * covariance[(i, j)] + b * b * covariance[(j, j)];
         // Where the chair stands on end the gradient has a pole.

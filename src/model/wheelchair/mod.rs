@@ -53,7 +53,7 @@ pub use biased::{
 };
 pub use encoder::{Unwrapper, wheel_angles, wheel_travel};
 pub use motion::{derivative, linearise};
-pub use sensors::{Observation, encoder_covariance, observe, output, pitch, pitch_gradient, tilt_lever};
+pub use sensors::{Observation, encoder_covariance, observe, output, pitch, tilt_lever};
 
 use nalgebra::{SMatrix, SVector};
 

@@ -127,16 +127,12 @@ fn sensitivity(chair: &Chair, x: &State, trig: &Trig, a: &Accelerations) -> SMat
     jacobian
 }
 
-/// Nose-up pitch of the body, rad: `phi = asin(sin(alpha) sin(xi))` (eq. 1).
-pub fn pitch(alpha: f64, xi: f64) -> f64 {
-    (alpha.sin() * xi.sin()).clamp(-1.0, 1.0).asin()
-}
-
-/// Gradient of [`pitch`] over `[alpha, xi]`.
-pub fn pitch_gradient(alpha: f64, xi: f64) -> [f64; 2] {
+/// Nose-up pitch of the body, rad, `phi = asin(sin(alpha) sin(xi))` (eq. 1), and its gradient over
+/// `[alpha, xi]`.
+pub fn pitch(alpha: f64, xi: f64) -> (f64, [f64; 2]) {
     let ((sa, ca), (sx, cx)) = (alpha.sin_cos(), xi.sin_cos());
     let cosine = cosine_of_pitch(sa * sx);
-    [ca * sx / cosine, sa * cx / cosine]
+    ((sa * sx).clamp(-1.0, 1.0).asin(), [ca * sx / cosine, sa * cx / cosine])
 }
 
 /// `cos(phi)` from `sin(phi)`, kept away from the pole of a chair standing on end.
