@@ -97,3 +97,45 @@ fn human_dynamics() {
     assert_generalises(&report);
     assert!(report.tuning.best < report.tuning.start);
 }
+
+fn identify(folder: &std::path::Path, arguments: &str) -> Option<i32> {
+    let mut command = assert_cmd::Command::cargo_bin("identify").unwrap();
+    command.current_dir(folder).args(arguments.split_whitespace()).output().unwrap().status.code()
+}
+
+/// As a user meets it: the exit code tells of warnings, the file has the shape of fit.json with the estimator's own
+/// parameter names, and it serves as start values.
+#[test]
+fn the_command_writes_start_values() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let path = folder.path();
+    for (vehicle, scenario) in [
+        (Vehicle::NursingRobot, "coughs"),
+        (Vehicle::WheelLoader, "bumpy-c"),
+        (Vehicle::Wheelchair, "climb"),
+        (Vehicle::WheeledRobot, "sine"),
+    ] {
+        let made = identify(path, &format!("simulate {vehicle} --scenario {scenario} --seed 1 --out log.csv"));
+        assert_eq!(made, Some(0));
+        for objective in ["nll", "rmse"] {
+            let tune = format!("tune {vehicle} log.csv --objective {objective} --pop 5 --iters 1");
+            let code = identify(path, &format!("{tune} --out tune.json"));
+            let text = std::fs::read_to_string(path.join("tune.json")).unwrap();
+            let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+            let sure =
+                |parameter: &serde_json::Value| parameter["identified"] == true && parameter["at_bound"] == false;
+            let all_sure = report["parameters"].as_object().unwrap().values().all(sure);
+            let warned = !report["warnings"].as_array().unwrap().is_empty();
+            assert!(objective == "nll" || warned, "rmse is degenerate and says so");
+            assert_eq!(code, Some(i32::from(warned || !all_sure)), "{vehicle} {objective}");
+            assert_eq!(report["vehicle"], vehicle.name());
+            let declared = vehicle.parameters();
+            for (name, parameter) in report["parameters"].as_object().unwrap() {
+                let variable = declared.iter().find(|variable| variable.name == *name).unwrap();
+                variable.check(parameter["value"].as_f64().unwrap()).unwrap();
+            }
+            let again = identify(path, &format!("{tune} --params tune.json --out again.json"));
+            assert!(again == Some(0) || again == Some(1), "{vehicle} {objective} {again:?}");
+        }
+    }
+}
