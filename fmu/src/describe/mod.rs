@@ -183,7 +183,9 @@ fn write_variable(text: &mut String, variable: &Variable, causality: &str, refer
     }
     if matches!(variable.kind, Kind::Real | Kind::Integer) {
         let whole = variable.kind == Kind::Integer;
-        for (name, bound, free) in [("min", variable.range.0, i32::MIN), ("max", variable.range.1, i32::MAX)] {
+        // a start that is no sample lies in no range, and a measured input takes any number
+        let (low, high) = if variable.start.is_nan() { (f64::NEG_INFINITY, f64::INFINITY) } else { variable.range };
+        for (name, bound, free) in [("min", low, i32::MIN), ("max", high, i32::MAX)] {
             if bound.is_finite() && !(whole && bound == f64::from(free)) {
                 let _ = write!(text, r#" {name}="{}""#, number(bound));
             }
