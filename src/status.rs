@@ -55,6 +55,8 @@ bits! {
     NO_MEASUREMENT = 14, "no-measurement";
     /// The sample was skipped whole.
     SKIPPED = 15, "skipped";
+    /// The measurements of the last seconds contradict the parameters; standard deviations mean nothing.
+    CONTRADICTED = 16, "contradicted";
 }
 
 impl Status {
@@ -108,7 +110,7 @@ impl fmt::Display for Status {
 // The FMU's and the machine's view of the same number.
 impl crate::variable::Value for Status {
     const KIND: crate::variable::Kind = crate::variable::Kind::Integer;
-    const RANGE: (f64, f64) = (0.0, u16::MAX as f64);
+    const RANGE: (f64, f64) = (0.0, ((1_u32 << Status::ALL.len()) - 1) as f64);
     fn to_number(self) -> f64 {
         f64::from(self.0)
     }

@@ -5,7 +5,7 @@ mod runs;
 mod support;
 
 use runs::{Drive, NoiseLevel, Normal, drive, estimate, found_after, parameters, rms_max};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use support::{median, quantile};
 use wheelstate::estimator::wheelchair::{Kind, Outputs, Parameters, Wheelchair};
 use wheelstate::plant::wheelchair::{Actuation, Body, Course, Plant, Ramp, Sensors};
@@ -168,6 +168,40 @@ fn perturbed_plant_never_hides_the_slope_from_bias_states() {
         }
     }
     assert!(unfound * 50 <= 3 * SEEDS as usize, "{unfound} slopes of {} unfound within 10 %", 3 * SEEDS);
+}
+
+/// A heading that was given wrong makes a wrong slope with a small standard deviation, which only the
+/// innovations show. It must not pass as healthy, and a right heading must not be flagged, however
+/// wrong the chair, the forces and the sensors are.
+#[test]
+fn a_slope_that_rests_on_a_wrong_heading_is_not_healthy() {
+    for course in [Course::Climb, Course::Oblique, Course::YawMoment] {
+        let mut flagged = [0, 0];
+        let mut absurd = (0, 0);
+        for seed in 0..SEEDS {
+            for (wrong, flagged) in flagged.iter_mut().enumerate() {
+                let mut normal = Normal::new(4000 + seed);
+                let mut p = parameters(course, &mut normal);
+                let rows = drive(&perturbed(course, &mut normal), &mut normal);
+                if wrong == 1 {
+                    p.initial.heading -= FRAC_PI_2;
+                }
+                let outputs = estimate(&p, &rows);
+                for (row, out) in rows.iter().zip(&outputs) {
+                    if (out.slope - row.truth.slope).abs() > 5.0 * out.slope_std.max(0.01) {
+                        absurd = (absurd.0 + 1, absurd.1 + usize::from(!out.healthy));
+                    }
+                }
+                *flagged += usize::from(outputs.iter().any(|out| out.status.contains(Status::CONTRADICTED)));
+            }
+        }
+        println!(
+            "{course:?}: contradicted {flagged:?} of {SEEDS}; {} of {} absurd samples unhealthy",
+            absurd.1, absurd.0
+        );
+        assert_eq!(flagged, [0, SEEDS as usize], "{course:?}");
+        assert!(absurd.0 > 10_000 && absurd.1 * 10 > absurd.0 * 9, "{course:?}: {absurd:?}");
+    }
 }
 
 /// Without bias states the same plant hides it in many runs: the default kind is not `basic` for a reason.

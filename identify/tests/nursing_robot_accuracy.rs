@@ -174,7 +174,7 @@ fn a_sway_that_only_explains_a_wrong_mass_is_not_healthy() {
         for scenario in ["smooth-start", "abrupt-start", "coughs", "lean", "release", "disturbed"] {
             let run = simulated(scenario, seed, &[]);
             let outputs = estimates(&run.log, &run.assumed);
-            let flagged = outputs.iter().filter(|out| out.status.contains(Status::AT_BOUND)).count();
+            let flagged = outputs.iter().filter(|out| out.status.contains(Status::CONTRADICTED)).count();
             assert!(flagged == 0, "{scenario} {seed}: {flagged} samples");
         }
     }

@@ -3,6 +3,7 @@
 pub mod adaptation;
 mod array;
 pub mod belief;
+pub mod consistency;
 pub mod critically_damped;
 pub mod discretise;
 pub mod ekf;

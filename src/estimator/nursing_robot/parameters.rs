@@ -369,7 +369,7 @@ variables! {
         log_likelihood: f64 = 0.0, "1";
         /// Conditions of the last sample, a bit field with the same meaning in all machines.
         status: Status = Status::OK, "1";
-        /// Whether the main estimates are usable now: a mass is known and plausible and the sway filter is neither starting anew nor contradicted by the speeds (which the bit at-bound of the status says).
+        /// Whether the main estimates are usable now: a mass is known and plausible and the sway filter is neither starting anew nor contradicted by the speeds (which the bit contradicted of the status says).
         healthy: bool = false, "1";
     }
 }

@@ -14,6 +14,7 @@ use super::parameters::SwayModel;
 use crate::filter::adaptation::{MeasurementAdaptation, MeasurementNoise, ProcessScale};
 use crate::filter::belief::{Belief, add_square};
 use crate::filter::bounded;
+use crate::filter::consistency::Strain;
 use crate::filter::sigma_points::Weights;
 use crate::filter::ukf::{self, Channel};
 use crate::model::nursing_robot::{GRAVITY, Human, Planar, Robot};
@@ -118,8 +119,9 @@ pub struct SwayState {
     pub log_likelihood: f64,
     /// Number of channels of the last sample.
     pub channels: u8,
-    /// Normalised innovation squared per channel, averaged over [`STRAIN_TIME`]; 1 if model and noise fit.
-    pub strain: f64,
+    /// Whether the speeds contradict the model: a mass, a rolling coefficient or a torque scale is wrong,
+    /// and the body leans in the estimate only to explain it.
+    pub strain: Strain,
     /// Whether a covariance had to be repaired in the last step.
     pub repaired: bool,
     /// Load mass of the last step, kg.
@@ -151,11 +153,6 @@ pub struct SwayEstimate {
 
 /// Time constant of the speed smoothed for the stand-still rule, s.
 const SMOOTHING_TIME: f64 = 0.1;
-/// Time over which the normalised innovations are averaged, s.
-const STRAIN_TIME: f64 = 2.0;
-/// Average beyond which the speeds contradict the model: a mass, a rolling coefficient or a torque scale
-/// is wrong, and the body leans in the estimate only to explain it.
-const MOST_STRAIN: f64 = 2.0;
 /// Rejections in a row before the speed is re-aligned.
 const REJECTIONS: u8 = 3;
 
@@ -234,7 +231,7 @@ impl SwayEstimator {
             nis: 0.0,
             log_likelihood: 0.0,
             channels: 0,
-            strain: 1.0,
+            strain: Strain::default(),
             repaired: false,
             mass: self.human.mass,
             force: None,
@@ -388,9 +385,8 @@ impl SwayEstimator {
         (state.nis, state.channels) = (innovation.nis, innovation.available as u8);
         state.log_likelihood = innovation.log_likelihood;
         if innovation.available > 0 {
-            // what is rejected counts, but one outlier proves nothing
-            let fresh = (innovation.nis / innovation.available as f64).min(self.gate);
-            state.strain += (1.0 - (-step.dt / STRAIN_TIME).exp()) * (fresh - state.strain);
+            // what is rejected counts, too
+            state.strain.take(innovation.nis / innovation.available as f64, self.gate, step.dt);
         }
         let wanted = self.use_channel.iter().filter(|used| **used).count();
         let complete = innovation.available == wanted;
@@ -509,11 +505,6 @@ impl Step<'_> {
 }
 
 impl SwayState {
-    /// Whether the last measurements contradict the model, so that the sway means nothing.
-    pub fn contradicted(&self) -> bool {
-        self.strain > MOST_STRAIN
-    }
-
     /// Drive force of the last sample, N.
     pub(super) fn last_force(&self) -> f64 {
         self.force.unwrap_or(0.0)
@@ -530,13 +521,16 @@ impl SwayState {
         let numbers = [
             self.nis,
             self.log_likelihood,
-            self.strain,
             self.mass,
             self.force.unwrap_or(0.0),
             self.yaw_rate,
             self.smoothed_speed,
             self.slow_for,
         ];
-        belief && self.noise.is_sound() && self.scale.is_sound() && numbers.iter().all(|x| bounded(*x))
+        belief
+            && self.noise.is_sound()
+            && self.scale.is_sound()
+            && self.strain.is_sound()
+            && numbers.iter().all(|x| bounded(*x))
     }
 }

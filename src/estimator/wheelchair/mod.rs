@@ -12,7 +12,8 @@
 //!
 //! # What cannot be observed
 //! On flat ground nothing tells the heading against the contour line: it rests on the initial heading
-//! and the encoders, and `status` says `unobservable`. Even on a slope a wrong initial heading is
+//! and the encoders, and `status` says `unobservable`. A slope that contradicts the heading raises
+//! `contradicted` and clears `healthy`. Even on a slope a wrong initial heading is
 //! corrected only by `gravity_vector`; the other kinds take the encoders' heading as true. At rest
 //! slope and accelerometer bias cannot be told apart (0.05 m/s^2 look like 5 mrad). A slope that
 //! appears as a step, without rotation that the gyro could see, is found late or not at all. A constant
@@ -37,6 +38,7 @@ pub use variables::{Inputs, Outputs};
 
 use crate::estimator::{Estimator, StateError};
 use crate::filter::belief::Belief;
+use crate::filter::consistency::Strain;
 use crate::filter::ekf::NotPositiveDefinite;
 use crate::model::wheelchair::{self as model, Chair, Command, gravity};
 use crate::{ParameterError, Status};
@@ -46,6 +48,9 @@ use serde::{Deserialize, Serialize};
 use standstill::{Bands, Signs, Standstill};
 use std::f64::consts::FRAC_PI_2;
 use wheels::Wheels;
+
+/// One sample's normalised innovation squared per row counts as at most this against the filter.
+const LARGEST_NIS: f64 = 16.0;
 
 /// What the filter believes, in the form of its kind.
 #[expect(clippy::large_enum_variant, reason = "there is one per estimator, and copying it must not allocate")]
@@ -79,6 +84,7 @@ pub struct State {
     nis: f64,
     dof: u32,
     log_likelihood: f64,
+    strain: Strain,
 }
 
 /// The estimator; see the [module](self).
@@ -184,6 +190,7 @@ impl Wheelchair {
         self.state.belief = self.initial.clone();
         self.state.wheels = Wheels::default();
         self.state.rejections = [0; 6];
+        self.state.strain = Strain::default();
     }
 
     /// The command that acts now: the inputs, or what was last valid.
@@ -230,6 +237,7 @@ impl Estimator for Wheelchair {
             nis: 0.0,
             dof: 0,
             log_likelihood: 0.0,
+            strain: Strain::default(),
         };
         let bands = &parameters.standstill;
         Ok(Self {
@@ -322,6 +330,9 @@ impl Estimator for Wheelchair {
                 self.state.nis = if update.dof > 0 { update.nis.min(f64::MAX) } else { 0.0 };
                 self.state.dof = update.dof as u32;
                 self.state.log_likelihood = update.sensors.log_likelihood();
+                if update.dof > 0 {
+                    self.state.strain.take(self.state.nis / update.dof as f64, LARGEST_NIS, dt);
+                }
             }
             Err(NotPositiveDefinite) => {
                 self.restart();
@@ -333,6 +344,7 @@ impl Estimator for Wheelchair {
             status |= Status::RECOVERED | Status::RESTARTED;
         }
         status.raise_if(!self.heading_is_observable(), Status::UNOBSERVABLE);
+        status.raise_if(self.state.strain.contradicts(), Status::CONTRADICTED);
         self.state.status = status;
         status
     }
@@ -354,7 +366,11 @@ impl Estimator for Wheelchair {
         };
         let numbers =
             state.command.iter().chain(&state.accel_x).chain([&state.silent, &state.nis, &state.log_likelihood]);
-        if !sound || !state.wheels.is_sound() || !numbers.into_iter().all(|value| value.is_finite()) {
+        if !sound
+            || !state.wheels.is_sound()
+            || !state.strain.is_sound()
+            || !numbers.into_iter().all(|value| value.is_finite())
+        {
             return Err(StateError("it holds values that are not finite or not positive definite"));
         }
         self.state.clone_from(state);

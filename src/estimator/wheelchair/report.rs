@@ -72,6 +72,7 @@ impl Wheelchair {
         outputs.status = state.status;
         outputs.healthy = state.started
             && state.silent <= LONGEST_SILENCE
+            && !state.strain.contradicts()
             && outputs.slope_std <= limit.healthy_slope_std
             && outputs.speed_std <= limit.healthy_speed_std;
     }

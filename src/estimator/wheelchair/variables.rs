@@ -85,7 +85,7 @@ crate::variables! {
         log_likelihood: f64 = 0.0, "1";
         /// Conditions of the last sample as bits. Unobservable: on ground as flat as this nothing measured says how the heading lies to the contour line; it rests on the initial heading and the encoders.
         status: Status = Status::OK, "1";
-        /// Whether speed and slope are usable now.
+        /// Whether speed and slope are usable now: measured, certain enough, and not contradicted by the last seconds' measurements, as they are by a wrong initial heading.
         healthy: bool = false, "1";
     }
 }
