@@ -1,7 +1,16 @@
 //! Prediction of what the fit has not seen.
 
-use crate::problem::Prediction;
-use crate::report::SignalFit;
+use crate::report::{SignalFit, Trace};
+
+/// A measured signal and its prediction, compared by the validation.
+#[derive(Clone, Debug)]
+pub struct Prediction {
+    /// The signal.
+    pub trace: Trace,
+    /// Samples from one independent value to the next: 1 for a signal with white noise, the number of
+    /// windows that overlap for windows.
+    pub independent: usize,
+}
 
 /// Compares a measured signal with its prediction, where both are finite.
 ///

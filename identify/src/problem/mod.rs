@@ -43,9 +43,11 @@ pub mod wheel_loader;
 pub mod wheelchair;
 pub mod wheeled_robot;
 
+pub use crate::assess::validation::Prediction;
 pub use known::Known;
 pub use session::{Fitted, Judgement, Session};
 
+use crate::assess::validation::signal_fit;
 use crate::log::{Log, LogError};
 use crate::progress::{Interrupted, Progress};
 use crate::report::{FORMAT_VERSION, FitReport, LogEntry, SignalFit, Trace, Validation};
@@ -125,16 +127,6 @@ impl Task<'_> {
     pub fn wanted_of<'n>(&self, names: &[&'n str]) -> Vec<&'n str> {
         names.iter().copied().filter(|name| self.wants(name)).collect()
     }
-}
-
-/// A measured signal and its prediction, compared by the validation.
-#[derive(Clone, Debug)]
-pub struct Prediction {
-    /// The signal.
-    pub trace: Trace,
-    /// Samples from one independent value to the next: 1 for a signal with white noise, the number of
-    /// windows that overlap for windows.
-    pub independent: usize,
 }
 
 /// Why there is no fit.
@@ -281,11 +273,10 @@ fn validate(
     }
     let ahead = (problem.validate)(&Task { logs: held_out, known: &known, progress: &part(0.6, 0.8), ..*task });
     let behind = (problem.validate)(&Task { logs: training, known: &known, progress: &part(0.8, 1.0), ..*task });
-    let mut signals: Vec<SignalFit> = ahead.iter().map(crate::assess::validation::signal_fit).collect();
+    let mut signals: Vec<SignalFit> = ahead.iter().map(signal_fit).collect();
     for signal in &mut signals {
         let same = behind.iter().find(|prediction| prediction.trace.name == signal.name);
-        signal.fit_percent_training =
-            same.map_or(f64::NAN, |prediction| crate::assess::validation::signal_fit(prediction).fit_percent);
+        signal.fit_percent_training = same.map_or(f64::NAN, |prediction| signal_fit(prediction).fit_percent);
     }
     let traces = ahead.into_iter().map(|prediction| prediction.trace).collect();
     Ok((Validation { held_out: 1.0 - TRAINING_SHARE, signals }, traces))
