@@ -1,6 +1,6 @@
 //! Tyre parameters and rolling resistance of a four-wheeled robot or car.
 //!
-//! Measured axle forces ([`axles`]) are compared with the Magic Formula at the measured slip angles and
+//! Measured axle forces ([`mod@axles`]) are compared with the Magic Formula at the measured slip angles and
 //! wheel loads, per axle with the unknowns `(ln K0, C, ln mu0, E)`, by sequential convex programming: one
 //! convex program with Huber rows, priors and a box-shaped trust region per step. Load laws, nominal loads and
 //! the vehicle are known parameters.
