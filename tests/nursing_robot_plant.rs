@@ -8,7 +8,7 @@ use nalgebra::Vector4;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use support::{assert_close, vector_table};
-use wheelstate::model::nursing_robot::{Human, Lagrange, Planar, Position, Robot};
+use wheelstate::model::nursing_robot::{Human, Lagrange, Lean, Planar, Position, Robot};
 use wheelstate::plant::nursing_robot::{Chassis, Command, Motion, NursingRobotPlant, Person, STEP};
 
 fn lagrange() -> Lagrange {
@@ -132,7 +132,7 @@ fn the_model_equals_the_plant_that_is_derived_another_way() {
         plant.motion.sway_rate[0] = 0.0;
         let Motion { sway, drive, sway_rate, .. } = plant.motion;
         let force = model.robot.drive_force(wheels[0], wheels[1]) - planar.rolling_resistance(drive[0]);
-        let (v_dot, phi_ddot) = planar.acceleration(force, sway[1], sway_rate[1], drive[1], hip[1]);
+        let (v_dot, phi_ddot) = planar.acceleration(force, &Lean::new(sway[1]), sway_rate[1], drive[1], hip[1]);
         let rates = plant.rates(&plant.motion, wheels, [0.0, hip[1]]);
         assert_close("v'", v_dot, rates.drive[0], 1e-12, 1e-12);
         assert_close("phi''", phi_ddot, rates.sway_rate[1], 1e-12, 1e-12);
@@ -185,5 +185,18 @@ fn coriolis_matrix_is_skew_to_the_change_of_inertia() {
         let rate = (model.inertia(&(q + q_dot * h)).0 - model.inertia(&(q - q_dot * h)).0) / (2.0 * h);
         let skew = rate - model.coriolis(&model.inertia(&q).1, &q_dot) * 2.0;
         assert!((skew + skew.transpose()).amax() < 1e-7, "{:e}", (skew + skew.transpose()).amax());
+    }
+}
+
+/// The sum of angles that spares sines and cosines agrees with them to rounding, near and far.
+#[test]
+fn a_lean_that_moves_keeps_its_sine_and_cosine() {
+    for k in -400..400 {
+        let from = f64::from(k) * 0.01;
+        for j in -200..200 {
+            let to = from + f64::from(j) * 0.001;
+            let lean = Lean::new(from).moved_to(to);
+            assert!((lean.sin - to.sin()).abs() < 1e-15 && (lean.cos - to.cos()).abs() < 1e-15, "{from} to {to}");
+        }
     }
 }

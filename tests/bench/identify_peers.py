@@ -40,7 +40,7 @@ def peers():
         ("Ls", "cvxpy + Clarabel"): best(lambda: squares.solve(solver=cp.CLARABEL), 3),
         ("Huber", "scipy least_squares (huber)"): best(
             lambda: least_squares(
-                lambda p: a @ p - y, np.zeros(5), jac=lambda p: a, bounds=(lower, upper), loss="huber", f_scale=0.1345
+                lambda p: a @ p - y, np.full(5, 0.2), jac=lambda p: a, bounds=(lower, upper), loss="huber", f_scale=0.1345
             ),
             5,
         ),

@@ -17,7 +17,7 @@ use crate::filter::bounded;
 use crate::filter::consistency::Strain;
 use crate::filter::sigma_points::Weights;
 use crate::filter::ukf::{self, Channel};
-use crate::model::nursing_robot::{GRAVITY, Human, Planar, Robot};
+use crate::model::nursing_robot::{GRAVITY, Human, Lean, Planar, Robot};
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
@@ -102,6 +102,17 @@ pub enum SwayBelief {
     Four(Belief<4>),
 }
 
+impl SwayBelief {
+    /// Mean of the pitch, rad.
+    fn pitch(&self) -> f64 {
+        match self {
+            Self::Two(belief) => belief.mean[1],
+            Self::Three(belief) => belief.mean[1],
+            Self::Four(belief) => belief.mean[1],
+        }
+    }
+}
+
 /// Everything that the steps change.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SwayState {
@@ -161,6 +172,8 @@ pub(super) struct Step<'a> {
     form: Form,
     pub(super) planar: Planar,
     pub(super) force: f64,
+    /// The pitch before the step, near which all points of the step lie.
+    lean: Lean,
     omega: f64,
     held: bool,
     torque_time: f64,
@@ -324,6 +337,7 @@ impl SwayEstimator {
             form: self.form,
             planar: self.planar(state.mass),
             force,
+            lean: Lean::new(state.belief.pitch()),
             omega: state.yaw_rate,
             held: state.held,
             torque_time: self.torque_time,
@@ -476,11 +490,12 @@ impl Step<'_> {
     }
 
     fn acceleration(&self, v: f64, phi: f64, phi_dot: f64, active: f64) -> (f64, f64) {
+        let lean = self.lean.moved_to(phi);
         if self.held {
-            return (0.0, self.planar.held_acceleration(phi, phi_dot, self.omega, active));
+            return (0.0, self.planar.held_acceleration(&lean, phi_dot, self.omega, active));
         }
         let force = self.force - self.planar.rolling_resistance(v);
-        self.planar.acceleration(force, phi, phi_dot, self.omega, active)
+        self.planar.acceleration(force, &lean, phi_dot, self.omega, active)
     }
 
     /// Force of the swaying body, N.
