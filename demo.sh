@@ -27,18 +27,21 @@ mkdir -p "$out"
 
 say() { printf '\n\033[1m%s\033[0m\n' "$*"; }
 
-say "1/5 Building (release)"
+say "1/5 Python environment, beside the build"
 cd "$here"
+{
+  python3 -m venv .venv
+  .venv/bin/pip install --quiet --disable-pip-version-check -r tests/demo/requirements.txt
+} &
+environment=$!
+
+say "2/5 Building (release)"
 # Parquet and MDF4 readers double the build; CSV logs do without.
 features=(--no-default-features)
 case "$log" in *.csv|"") ;; *) features=() ;; esac
-cargo build --release --quiet -p wheelstate-fmu
-cargo build --release --quiet -p wheelstate-identify "${features[@]}"
+cargo build --release --quiet -p wheelstate-fmu -p wheelstate-identify "${features[@]}"
 target=${CARGO_TARGET_DIR:-$here/target}/release
-
-say "2/5 Python environment"
-python3 -m venv .venv
-.venv/bin/pip install --quiet --disable-pip-version-check -r tests/demo/requirements.txt
+wait "$environment"
 
 cd "$out"
 if [ -z "$log" ]; then
