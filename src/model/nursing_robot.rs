@@ -288,8 +288,8 @@ impl Lean {
     /// At `phi` nearby, by the sum of angles: a third of the cost of a sine and a cosine.
     pub fn moved_to(&self, phi: f64) -> Self {
         let d = phi - self.phi;
-        // Written so that NaN fails too.
-        if !(d.abs() < Self::NEAR) {
+        let near = d.abs() < Self::NEAR;
+        if !near {
             return Self::new(phi);
         }
         let [s3, s5, s7, s9] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0];
