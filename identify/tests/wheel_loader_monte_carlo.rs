@@ -4,8 +4,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use wheelstate::estimator::wheel_loader::*;
-use wheelstate::{Estimator, Status, Variables};
+use wheelstate::{Estimator, Status};
 use wheelstate_identify::simulate::{Request, simulate};
+use wheelstate_identify::tune::replay::Track;
 use wheelstate_identify::vehicle::Vehicle;
 
 #[path = "../../tests/support/mod.rs"]
@@ -25,14 +26,7 @@ struct Drive {
 fn log(scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Drive {
     let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
     let log = simulate(Vehicle::WheelLoader, &Request { scenario: scenario.to_owned(), seed, settings }).unwrap();
-    let columns: Vec<&[f64]> = Inputs::declare().iter().map(|v| log.channel(&v.name).unwrap()).collect();
-    let inputs = (0..log.len())
-        .map(|k| {
-            let mut inputs = Inputs::default();
-            inputs.read(&columns.iter().map(|column| column[k]).collect::<Vec<_>>());
-            inputs
-        })
-        .collect();
+    let inputs = Track::<WheelLoader>::new(&log).inputs;
     Drive { inputs, load_ratio: log.channel("true_load_ratio").unwrap().to_vec(), time: log.time }
 }
 

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use wheelstate::estimator::wheel_loader::*;
 use wheelstate::{Estimator, Status, Variables};
 use wheelstate_identify::simulate::{Request, simulate};
+use wheelstate_identify::tune::replay::Track;
 use wheelstate_identify::vehicle::Vehicle;
 
 const RUNS: u64 = 200;
@@ -116,14 +117,7 @@ fn run(seed: u64) -> Run {
     let (settings, truth) = settings(&mut random, fixed);
     let what = format!("{seed} {scenario} {settings:.3?}");
     let log = simulate(Vehicle::WheelLoader, &Request { scenario: scenario.to_owned(), seed, settings }).unwrap();
-    let columns: Vec<&[f64]> = Inputs::declare().iter().map(|v| log.channel(&v.name).unwrap()).collect();
-    let inputs = (0..log.len())
-        .map(|k| {
-            let mut inputs = Inputs::default();
-            inputs.read(&columns.iter().map(|column| column[k]).collect::<Vec<_>>());
-            inputs
-        })
-        .collect();
+    let inputs = Track::<WheelLoader>::new(&log).inputs;
     let p = parameters(&mut random, truth, fixed);
     let mut estimator = WheelLoader::new(&p).unwrap();
     let mut out = Outputs::default();

@@ -1,11 +1,12 @@
 //! Runs the nursing robot's estimator over simulated logs.
 #![allow(dead_code, missing_docs)]
 
+use wheelstate::Estimator;
 use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Outputs, Parameters};
-use wheelstate::{Estimator, Variables};
 use wheelstate_identify::log::Log;
 use wheelstate_identify::simulate::Request;
 use wheelstate_identify::simulate::nursing_robot::{Run, run};
+use wheelstate_identify::tune::replay::Track;
 
 pub const PERIOD: f64 = 0.01;
 
@@ -16,14 +17,7 @@ pub fn simulated(scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Run {
 
 /// The inputs of every sample.
 pub fn inputs(log: &Log) -> Vec<Inputs> {
-    let names: Vec<String> = Inputs::declare().into_iter().map(|v| v.name).collect();
-    let channels: Vec<&[f64]> = names.iter().map(|name| log.channel(name).expect("all inputs")).collect();
-    let row = |i: usize| {
-        let mut inputs = Inputs::default();
-        inputs.read(&channels.iter().map(|channel| channel[i]).collect::<Vec<_>>());
-        inputs
-    };
-    (0..log.len()).map(row).collect()
+    Track::<NursingRobot>::new(log).inputs
 }
 
 /// Outputs at every sample of the log.
