@@ -13,7 +13,7 @@
 //! Positive slip angle gives positive (leftward) force. CN117406607B names B, C, D, E; its formula is
 //! an image that the published text lacks. The load laws are those of Pacejka's tyre book.
 
-use std::f64::consts::PI;
+use super::lanes::{Angle, arc_tangent, sine};
 use wide::f64x4;
 
 /// One tyre.
@@ -182,126 +182,9 @@ pub(super) struct Curves {
     stiffness: f64x4,
 }
 
-/// An angle and its tangent, both not negative.
-#[derive(Clone, Copy, Debug, Default)]
-struct Angle {
-    tangent: f64x4,
-    angle: f64x4,
-}
-
-impl Angle {
-    /// Goes to another tangent. If it is `nearby`, `atan x = atan x0 + atan((x - x0)/(1 + x x0))`, where the
-    /// last angle is small and has a short series.
-    #[inline(always)]
-    fn turn(&mut self, tangent: f64x4, nearby: bool) {
-        let t = (tangent - self.tangent) / (f64x4::ONE + tangent * self.tangent);
-        self.tangent = tangent;
-        if !nearby || t.abs().simd_gt(f64x4::splat(0.125)).any() {
-            self.angle = arc_tangent(tangent);
-            return;
-        }
-        let series = polynomial(
-            t * t,
-            [-0.33333333333333287, -0.14285714129116034, -0.09085599506798686],
-            [0.19999999999790477, 0.1111106826170422, 0.07387718384425714],
-        );
-        self.angle += t + t * (t * t * series);
-    }
-}
-
 /// The angles inside the Magic Formula.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Angles {
     inner: Angle,
     outer: Angle,
-}
-
-/// A polynomial from its even and its odd coefficients by Horner's scheme in `z²`: two chains of dependent
-/// operations, half as long as one.
-#[inline(always)]
-fn polynomial<const E: usize, const O: usize>(z: f64x4, even: [f64; E], odd: [f64; O]) -> f64x4 {
-    let square = z * z;
-    let horner = |coefficients: &[f64]| {
-        coefficients.iter().rev().map(|c| f64x4::splat(*c)).reduce(|sum, c| sum * square + c).unwrap_or(f64x4::ZERO)
-    };
-    horner(&even) + z * horner(&odd)
-}
-
-/// The arc tangent for `x >= 0`. Above tan(30°) the angle is counted from 60°, `atan x = 60° +
-/// atan((x - tan 60°)/(1 + x tan 60°))`, which leaves arguments up to tan(30°); there a Chebyshev
-/// interpolant in their square has a relative error of 4e-17 before rounding.
-#[inline(always)]
-pub(super) fn arc_tangent(x: f64x4) -> f64x4 {
-    const TAN_30: f64 = 0.577_350_269_189_625_7;
-    const TAN_60: f64 = 1.732_050_807_568_877_2;
-    let far = x.simd_gt(f64x4::splat(TAN_30));
-    let turned = far & f64x4::splat(TAN_60);
-    let t = (x - turned) / (f64x4::ONE + x * turned);
-    let z = t * t;
-    let series = polynomial(
-        z,
-        [
-            -0.3333333333333332,
-            -0.14285714283920362,
-            -0.09090904942979589,
-            -0.06665508502217014,
-            -0.05196651814660573,
-            -0.03424200375100575,
-            -0.006070764829439552,
-        ],
-        [
-            0.1999999999998937,
-            0.11111110991697927,
-            0.07692221484970703,
-            0.058718231326435506,
-            0.044665387521620394,
-            0.019776845738205054,
-        ],
-    );
-    (far & f64x4::FRAC_PI_3) + (t + t * (z * series))
-}
-
-/// The sine for `|x| <= 3 pi / 2`, which the shape's range `C <= 2.2` never leaves. A Chebyshev
-/// interpolant in `x²` (relative error 4e-19 before rounding), without the range reduction of the library's.
-#[inline(always)]
-fn sine(x: f64x4) -> f64x4 {
-    let a = x.abs();
-    let t = a.fast_min(f64x4::splat(PI) - a);
-    let series = polynomial(
-        t * t,
-        [1.0, 0.008333333333333186, 2.7557319211166023e-06, 1.6058940571674158e-10, 2.721486441670626e-15],
-        [-0.16666666666666666, -0.0001984126984120831, -2.5052106884617687e-08, -7.643018364326954e-13],
-    );
-    (t * series).flip_signs(x)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn arc_tangent_agrees_with_the_library() {
-        for k in 0..=100_000 {
-            let x = 1e-6 * 1.000_3_f64.powi(k) - 1e-6;
-            let exact = x.atan();
-            let [whole, ..] = arc_tangent(f64x4::splat(x)).to_array();
-            assert!((whole - exact).abs() <= 8e-16 * exact, "{x}");
-            for near in [0.9 * x, x + 0.1, 3.0 * x] {
-                let mut angle = Angle { tangent: f64x4::splat(near), angle: arc_tangent(f64x4::splat(near)) };
-                angle.turn(f64x4::splat(x), true);
-                let [turned, ..] = angle.angle.to_array();
-                assert!((turned - exact).abs() <= 8e-16 * exact.max(near.atan()), "{x} from {near}");
-            }
-        }
-    }
-
-    #[test]
-    fn sine_agrees_with_the_library() {
-        for k in -47_000..=47_000 {
-            let x = f64::from(k) * 1e-4;
-            let [near, far, ..] = sine(f64x4::new([x / 3.0, x, 0.0, 0.0])).to_array();
-            assert!((near - (x / 3.0).sin()).abs() <= 4e-16 * (x / 3.0).abs(), "{x}");
-            assert!((far - x.sin()).abs() <= 1e-15, "{x}");
-        }
-    }
 }

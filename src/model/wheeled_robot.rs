@@ -14,7 +14,8 @@
 //!
 //! Erratum: the source calls the accelerations' noise "process noise"; it is measurement noise.
 
-use super::tire::{Angles, Curves, Tires, arc_tangent};
+use super::lanes::arc_tangent;
+use super::tire::{Angles, Curves, Tires};
 use wide::f64x4;
 
 /// One number per wheel, in the order front left, front right, rear left, rear right.

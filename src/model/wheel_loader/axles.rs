@@ -1,6 +1,7 @@
 //! The model's arithmetic, both axles side by side, and its linearly implicit step.
 
 use super::{Drive, GRAVITY, Loader, Motion, Unknowns};
+use crate::model::lanes::tanh;
 use nalgebra::{SMatrix, Vector3};
 use wide::f64x2;
 
@@ -76,16 +77,6 @@ pub(super) struct ByUnknown {
 /// `[x, -x]`: what one axle gains the other one loses.
 fn opposite(x: f64) -> Axles {
     Axles::new([x, -x])
-}
-
-/// Hyperbolic tangent; near zero, where the tyres work, by its continued fraction, which is exact to
-/// the last bits there and several times faster than the library's function.
-fn tanh(x: Axles) -> Axles {
-    if x.abs().simd_gt(Axles::splat(0.6)).any() {
-        return Axles::new(x.to_array().map(f64::tanh));
-    }
-    let s = x * x;
-    x * (135_135.0 + s * (17_325.0 + s * (378.0 + s))) / (135_135.0 + s * (62_370.0 + s * (3_150.0 + s * 28.0)))
 }
 
 /// Smooth sign with its derivative.
