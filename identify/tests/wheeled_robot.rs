@@ -37,9 +37,24 @@ fn parameters(scenario: &str, channels: Channels) -> Parameters {
 }
 
 fn run(log: &Log, p: &Parameters) -> Vec<Outputs> {
-    let mut all = Vec::with_capacity(log.len());
-    Track::<WheeledRobot>::new(log).run(WheeledRobot::new(p).unwrap(), |_, outputs| all.push(outputs.clone()));
+    replay(&Track::new(log), p)
+}
+
+fn replay(track: &Track<WheeledRobot>, p: &Parameters) -> Vec<Outputs> {
+    let mut all = Vec::with_capacity(track.time.len());
+    track.run(WheeledRobot::new(p).unwrap(), |_, outputs| all.push(outputs.clone()));
     all
+}
+
+/// As [`run`], with nothing but steering and torques on every second sample.
+fn run_halved(log: &Log, p: &Parameters) -> Vec<Outputs> {
+    let mut track = Track::<WheeledRobot>::new(log);
+    for i in track.inputs.iter_mut().skip(1).step_by(2) {
+        (i.accel_x, i.accel_y, i.gyro_z) = (f64::NAN, f64::NAN, f64::NAN);
+        (i.wheel_speed_fl, i.wheel_speed_fr) = (f64::NAN, f64::NAN);
+        (i.wheel_speed_rl, i.wheel_speed_rr) = (f64::NAN, f64::NAN);
+    }
+    replay(&track, p)
 }
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
@@ -68,7 +83,11 @@ fn true_forces(log: &Log) -> [&[f64]; 4] {
 
 /// Mean over seeds of the RMSE of speed_x, speed_y and yaw_rate.
 fn mean_errors(logs: &[Log], p: &Parameters) -> [f64; 3] {
-    let all: Vec<[f64; 3]> = logs.iter().map(|log| errors(log, &run(log, p))).collect();
+    mean(logs, |log| errors(log, &run(log, p)))
+}
+
+fn mean(logs: &[Log], figures: impl Fn(&Log) -> [f64; 3]) -> [f64; 3] {
+    let all: Vec<[f64; 3]> = logs.iter().map(figures).collect();
     std::array::from_fn(|i| all.iter().map(|e| e[i]).sum::<f64>() / all.len() as f64)
 }
 
@@ -169,4 +188,27 @@ fn motion_with_wheel_speeds_in_all_scenarios() {
         assert!((0.2..2.0).contains(&nis), "{scenario} {nis}");
         assert!(outputs.iter().all(|o| o.healthy && o.status == Status::OK), "{scenario}");
     }
+}
+
+/// Over 40 seeds speed_x costs 1.02 to 1.18 times the error, in the lane change 1.20, after the step 1.23. It is mostly
+/// white noise of the wheels: `q, r = 0.02, 0.05` pass `K/(2 - K)` of its variance, at half the rate 1.18 times as
+/// much in the error. In a turn noise of the gyroscope and of the steering angle enters too, and that is held longer;
+/// without it the step costs 1.16.
+#[test]
+fn every_second_sample_missing() {
+    for (scenario, limit) in SCENARIOS.map(|s| (s, if s == "lane-change" || s == "step-steer" { 1.25 } else { 1.2 })) {
+        let (p, logs) = (parameters(scenario, Channels::WheelSpeed), seeds(scenario, 8));
+        let halved = run_halved(&logs[0], &p);
+        assert!(halved[301].status.contains(Status::MISSING) && halved[301].status.contains(Status::NO_MEASUREMENT));
+        let (whole, half) = (mean_errors(&logs, &p), mean(&logs, |log| errors(log, &run_halved(log, &p))));
+        let cost: [f64; 3] = std::array::from_fn(|i| half[i] / whole[i]);
+        println!("{scenario}: {cost:.3?} of {whole:.4?}");
+        assert!(cost[0] < limit && cost[1] < 1.2 && cost[2] < 1.2, "{scenario} {cost:?}");
+    }
+    let quiet = ["noise.accel", "noise.gyro", "noise.steering", "noise.torque"].map(|name| (name, 0.0));
+    let logs: Vec<Log> = (0..4).map(|seed| log_with("step-steer", seed, &quiet)).collect();
+    let p = parameters("step-steer", Channels::WheelSpeed);
+    let cost = mean(&logs, |log| errors(log, &run_halved(log, &p)))[0] / mean_errors(&logs, &p)[0];
+    println!("step-steer, noise of the wheel speeds only: {cost:.3}");
+    assert!(cost < 1.18);
 }
