@@ -38,13 +38,14 @@ fn car(fitted: bool, friction: f64) -> Parameters {
     p
 }
 
-/// RMSE after the first second: longitudinal force of a wheel, torque over radius, vx, vy, r.
-fn errors(table: &Table, p: &Parameters) -> [f64; 5] {
+/// RMSE after the first second: longitudinal force of a wheel, torque over radius, vx, vy, r; and the mean squared
+/// errors of vx, vy, r over their claimed variances.
+fn errors(table: &Table, p: &Parameters) -> ([f64; 5], [f64; 3]) {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let mut noise = |std: f64| std * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng);
     let mut estimator = WheeledRobot::new(p).unwrap();
     let mut out = Outputs::default();
-    let (mut sum, mut count) = ([0.0; 5], 0.0);
+    let (mut sum, mut claimed, mut count) = ([0.0; 5], [0.0; 3], 0.0);
     for row in 0..table.rows.len() {
         let at = |name: &str| table.at(row, name);
         let four = |name: &str| ["fl", "fr", "rl", "rr"].map(|wheel| at(&format!("{name}_{wheel}")));
@@ -77,12 +78,17 @@ fn errors(table: &Table, p: &Parameters) -> [f64; 5] {
             sum[0] += 0.25 * (force[i] - truth[i]).powi(2);
             sum[1] += 0.25 * (torque[i] / p.wheel.radius - truth[i]).powi(2);
         }
-        sum[2] += (out.speed_x - at("true_speed_x")).powi(2);
-        sum[3] += (out.speed_y - at("true_speed_y")).powi(2);
-        sum[4] += (out.yaw_rate - at("gyro_z")).powi(2);
+        for (i, error, std) in [
+            (0, out.speed_x - at("true_speed_x"), out.speed_x_std),
+            (1, out.speed_y - at("true_speed_y"), out.speed_y_std),
+            (2, out.yaw_rate - at("gyro_z"), out.yaw_rate_std),
+        ] {
+            sum[2 + i] += error * error;
+            claimed[i] += (error / std).powi(2);
+        }
         count += 1.0;
     }
-    sum.map(|s| f64::sqrt(s / count))
+    (sum.map(|s| f64::sqrt(s / count)), claimed.map(|s| s / count))
 }
 
 #[test]
@@ -97,15 +103,17 @@ fn multibody_car() {
         ("low_mu", 0.45, 21.0, 0.05),
     ] {
         let table = vector_table(&format!("1-wheeled-robot/multibody_{name}.csv"));
-        let (fitted, nominal) = (errors(&table, &car(true, friction)), errors(&table, &car(false, friction)));
+        let ((fitted, claimed), (nominal, _)) =
+            (errors(&table, &car(true, friction)), errors(&table, &car(false, friction)));
         println!(
-            "{name}: {:.1} {:.1}; {:.3} {:.4} {:.4}; {:.4}",
+            "{name}: {:.1} {:.1}; {:.3} {:.4} {:.4}; {:.4}; squared errors over variances {claimed:.2?}",
             fitted[0], fitted[1], fitted[2], fitted[3], fitted[4], nominal[3]
         );
         assert!(fitted[0] < force && fitted[0] < 0.8 * fitted[1], "{name}");
         assert!(fitted[2] < speed_x, "{name}");
         assert!(fitted[3] <= 0.030 && fitted[3] < nominal[3], "{name}");
         assert!(fitted[4] < 0.005, "{name}");
+        assert!(claimed[1] < 1.0 && claimed[2] < 1.0, "{name} {claimed:?}");
     }
 }
 
@@ -113,9 +121,12 @@ fn multibody_car() {
 fn slip_stiffness_corrects_the_speed_of_slipping_wheels() {
     let table = vector_table("1-wheeled-robot/multibody_accel_brake.csv");
     let mut p = car(true, 1.0);
-    let rigid = errors(&table, &p)[2];
+    let (rigid, doubt) = errors(&table, &p);
     p.wheel.slip_stiffness = 25.0;
-    let corrected = errors(&table, &p)[2];
-    println!("accelerate and brake: speed_x {rigid:.3} m/s, with wheel.slip_stiffness {corrected:.3} m/s");
-    assert!(corrected < 0.7 * rigid);
+    let (corrected, sure) = errors(&table, &p);
+    println!(
+        "accelerate and brake: speed_x {:.3} m/s, with wheel.slip_stiffness {:.3} m/s; squared over variance {:.1}, {:.2}",
+        rigid[2], corrected[2], doubt[0], sure[0]
+    );
+    assert!(corrected[2] < 0.7 * rigid[2] && sure[0] < 1.0);
 }

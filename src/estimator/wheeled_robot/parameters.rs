@@ -161,7 +161,8 @@ variables! {
     pub struct MeasurementStd {
         /// Of the longitudinal acceleration, errors of the model's force included.
         accel_x: f64 = 0.1, "m/s2", [1e-6, 1e4], tunable;
-        /// Of the lateral acceleration, errors of the model's force included.
+        /// Of the lateral acceleration, errors of the model's force included. The default is the sensor's alone; noise d of
+        /// the steering angle adds 2 tire.front.stiffness d / vehicle.mass, in squares.
         accel_y: f64 = 0.1, "m/s2", [1e-6, 1e4], tunable;
         /// Of the yaw rate.
         gyro_z: f64 = 0.01, "rad/s", [1e-6, 1e3], tunable;
