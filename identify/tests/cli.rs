@@ -82,6 +82,57 @@ fn corrupt_logs_are_refused_and_leave_no_file() {
     }
 }
 
+/// No machine takes the log of another one: neither to fit nor to tune, nor to judge a tuning.
+#[test]
+fn logs_of_other_machines_are_refused() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path();
+    let machines = [
+        ("nursing-robot", "coughs"),
+        ("wheeled-robot", "sine"),
+        ("wheel-loader", "bumpy-c"),
+        ("human-dynamics", "seated-braking"),
+        ("wheelchair", "climb"),
+    ];
+    for (machine, scenario) in machines {
+        let made = identify(path, &format!("simulate {machine} --scenario {scenario} --out {machine}.csv"));
+        assert_eq!(made.status.code(), Some(0), "{}", text(&made.stderr));
+    }
+    for (machine, _) in machines {
+        for (other, _) in machines.into_iter().filter(|(other, _)| *other != machine) {
+            for command in ["fit", "tune"] {
+                let words = format!("identify: {other}.csv: no channel ");
+                assert_refused(path, &format!("{command} {machine} {other}.csv --out x.json"), &words);
+            }
+        }
+    }
+    let words = "wheelchair.csv: no channel with samples among steering_angle, drive_torque_*, brake_torque_*";
+    assert_refused(path, "tune wheeled-robot wheelchair.csv --out x.json", words);
+    let words = "wheelchair.csv: no channel with samples among torque_left, torque_right; nursing-robot needs one";
+    assert_refused(path, "tune nursing-robot nursing-robot.csv --held-out wheelchair.csv --out x.json", words);
+    let words = "wheel-loader.csv: no channel 'torque_left'; did you mean 'torque_rear'?";
+    assert_refused(path, "fit nursing-robot wheel-loader.csv --out x.json", words);
+    // columns without samples are no columns, and what does not suffice is told what else there could be
+    std::fs::write(path.join("empty.csv"), "time,gyro_z,accel_x\n0,,1\n0.01,nan,1\n0.02,,1\n").unwrap();
+    assert_refused(path, "tune wheeled-robot empty.csv --out x.json", "empty.csv: no channel with samples among");
+    std::fs::write(path.join("joint.csv"), "time,q_lumbar_x\n0,0\n0.01,0\n0.02,0\n").unwrap();
+    let words = "has an effect on joint.csv; there is no sample of q_lumbar_y, q_thorax_y";
+    assert_refused(path, "tune human-dynamics joint.csv --out x.json", words);
+}
+
+/// Nothing but a setting at its floor has no interval to report.
+#[test]
+fn a_lone_setting_at_its_floor_is_reported() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path();
+    assert_eq!(identify(path, "simulate wheeled-robot --scenario sine --seed 1 --out log.csv").status.code(), Some(0));
+    let tune = "tune wheeled-robot log.csv --only filter.measurement_std.speed --pop 5 --iters 3 --out tune.json";
+    let output = identify(path, tune);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    let table = text(&output.stdout);
+    assert!(table.contains("at bound") && table.contains("filter.measurement_std.speed sits at its"), "{table}");
+}
+
 #[test]
 fn bad_requests_are_refused_before_any_work() {
     let folder = TempDir::new().unwrap();

@@ -18,7 +18,7 @@ mod sampling;
 mod table;
 
 pub use columns::ColumnMap;
-pub use error::LogError;
+pub use error::{LogError, listed};
 
 use crate::progress::Progress;
 use std::path::Path;
@@ -87,7 +87,8 @@ impl Log {
     /// The values of a channel, or an error that names the log and channels with similar names.
     pub fn require(&self, name: &str) -> Result<&[f64], LogError> {
         self.channel(name).ok_or_else(|| {
-            let names: Vec<_> = self.channels.iter().map(|channel| channel.name.as_str()).collect();
+            let names = self.channels.iter().map(|channel| channel.name.as_str());
+            let names: Vec<_> = names.filter(|name| !name.starts_with("true_")).collect();
             LogError::file(&self.source, format!("no channel '{name}'; {}", columns::hint(name, &names)))
         })
     }

@@ -18,6 +18,7 @@
 
 mod candidates;
 pub mod dung_beetle;
+mod needed;
 mod objective;
 pub mod replay;
 mod report;
@@ -27,7 +28,7 @@ pub use candidates::{Candidate, candidates};
 pub use objective::{Objective, Replay, Score};
 pub use report::{LogNis, TuneReport, Tuning};
 
-use crate::log::Log;
+use crate::log::{Log, LogError, listed};
 use crate::progress::{Interrupted, Progress};
 use crate::vehicle::Vehicle;
 use dung_beetle::{Optimum, SearchError, Settings, minimise};
@@ -74,9 +75,19 @@ pub enum TuneError {
     /// No log.
     #[error("no log was given")]
     NoLog,
+    /// A log is of another machine.
+    #[error(transparent)]
+    Log(#[from] LogError),
     /// Nothing is left to tune.
-    #[error("no noise setting of {0} has an effect on these logs")]
-    Nothing(Vehicle),
+    #[error("no noise setting of {vehicle} has an effect on {logs}{lacking}")]
+    Nothing {
+        /// The vehicle.
+        vehicle: Vehicle,
+        /// The logs.
+        logs: String,
+        /// What they lack.
+        lacking: String,
+    },
     /// A name that is no noise setting.
     #[error("--only {asked}: is no noise setting; there are {known}")]
     Unknown {
@@ -113,6 +124,7 @@ pub fn tune(
     if logs.is_empty() {
         return Err(TuneError::NoLog);
     }
+    logs.iter().chain(held_out).try_for_each(|log| needed::check(vehicle, log))?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(request.threads).build()?;
     let mut tuner = Tuner { vehicle, logs, held_out, request, progress, result: None };
     pool.install(|| estimator::visit_all(&mut tuner));
@@ -205,7 +217,17 @@ impl Tuner<'_> {
         let unmoved = values.remove(0);
         let kept: Vec<Candidate> =
             all.into_iter().zip(values).filter(|(_, value)| *value != unmoved).map(|(c, _)| c).collect();
-        if kept.is_empty() { Err(TuneError::Nothing(self.vehicle)) } else { Ok(kept) }
+        if kept.is_empty() { Err(self.nothing()) } else { Ok(kept) }
+    }
+
+    fn nothing(&self) -> TuneError {
+        let sources = self.logs.iter().map(|log| log.source.as_str());
+        let lacking = needed::lacking(&self.vehicle.inputs(), self.logs);
+        let lacking = match lacking.is_empty() {
+            true => String::new(),
+            false => format!("; there is no sample of {}", listed(lacking.iter().map(String::as_str))),
+        };
+        TuneError::Nothing { vehicle: self.vehicle, logs: listed(sources), lacking }
     }
 
     /// The search in centred coordinates.

@@ -190,6 +190,9 @@ fn at_bound(candidate: &Candidate, logarithm: f64) -> Option<bool> {
 fn standard_errors<E: Estimator>(replay: &Replay<E>, at: &[f64], bound: &[Option<bool>]) -> Vec<f64> {
     let free: Vec<usize> = (0..at.len()).filter(|i| bound[*i].is_none()).collect();
     let n = free.len();
+    if n == 0 {
+        return vec![f64::NAN; at.len()];
+    }
     let samples = replay.samples() as f64;
     // f, f ± e_i, f + e_i + e_j
     let mut points = vec![at.to_vec()];
