@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-from fmpy import read_csv, write_csv
+from fmpy import read_csv, read_model_description, write_csv
 from fmpy.ssp.ssd import read_ssv
 
 from conftest import FMUS
@@ -98,6 +98,26 @@ def test_the_fit_reaches_fmpy(identify, tmp_path):
     # fmpy's own reader stops at the Booleans of fmpy's own file.
     identify("convert", "nursing-robot", "result.csv", "--out", "plain.csv")
     assert set(columns(tmp_path / "plain.csv")["mass_valid"]) <= {0.0, 1.0}
+
+
+@pytest.mark.parametrize("vehicle, scenario", [("wheeled-robot", "sine"), ("wheelchair", "climb"), ("nursing-robot", "coughs")])
+def test_the_tuning_reaches_the_fmu(identify, program, tmp_path, vehicle, scenario):
+    def starts(path):
+        variables = read_model_description(str(path)).modelVariables
+        return {v.name: float(v.start) for v in variables if v.causality == "parameter" and v.type == "Real"}
+
+    model = "".join(word.capitalize() for word in vehicle.split("-"))
+    identify("simulate", vehicle, "--scenario", scenario, "--seed", 1, "--out", "log.csv")
+    identify("tune", vehicle, "log.csv", "--pop", 5, "--iters", 1, "--out", "tune.json", expect=(0, 1))
+    tuned = json.loads((tmp_path / "tune.json").read_text())["parameters"]
+    default = starts(FMUS / f"{model}.fmu")
+    for options in ([], ["--include-unidentified"]):
+        command = [program("pack"), "--params", "tune.json", *options, "--out", "out"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode in (0, 1), done.stderr
+        taken = {name: p["value"] for name, p in tuned.items() if options or p["identified"]}
+        assert taken and taken != {name: default[name] for name in taken}
+        assert starts(tmp_path / "out" / f"{model}.fmu") == default | taken
 
 
 # --- asammdf ------------------------------------------------------------------------------------
