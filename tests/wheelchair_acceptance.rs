@@ -143,31 +143,48 @@ fn perturbed_runs(course: Course, kind: Kind) -> Vec<Errors> {
         .collect()
 }
 
-/// With biases as states the slope is seen in every run. Within 10 % it may stay unfound where mass, gain
-/// and force all err the same way: a constant error of the specific force, the bias of the accelerometer and
-/// the slope look alike, so that no tuning can tell them apart. That is rare, and the standard deviation
-/// allows for it.
+/// The slope is found within a tenth in every run, and its errors are as large as they are said to be.
+#[track_caller]
+fn slope_is_never_missed(what: &str, runs: &[Errors]) {
+    table(what, runs);
+    assert!(runs.iter().all(|run| run.found.is_some()), "{what}: a slope was missed");
+    let (rms, largest) = (p95(runs, |e| e.slope.0), p95(runs, |e| e.slope.1));
+    assert!(rms <= 0.006 && largest <= 0.025, "{what}: slope rms {rms}, largest {largest}");
+    let all: Vec<f64> = runs.iter().flat_map(|run| run.normalised.iter().copied()).collect();
+    let beyond = all.iter().filter(|z| **z > 2.0).count() as f64 / all.len() as f64;
+    println!("{what}: {:.1} % of the slope's errors beyond 2 standard deviations", 100.0 * beyond);
+    assert!(beyond <= 0.08, "{what}: overconfident in {beyond} of the samples");
+}
+
+/// A constant error of the specific force, the bias of the accelerometer and the slope look alike; changes of
+/// the force tell them apart where its errors are states.
 #[test]
 fn perturbed_plant_never_hides_the_slope_from_bias_states() {
-    let mut unfound = 0;
     for course in [Course::Climb, Course::Oblique, Course::YawMoment] {
-        let runs = perturbed_runs(course, Kind::Bias);
-        table(&format!("perturbed {course:?} bias"), &runs);
-        unfound += runs.iter().filter(|run| run.found.is_none()).count();
-        assert!(runs.iter().all(|run| run.found_roughly), "{course:?}: a slope was missed by more than 20 %");
-        let slope = p95(&runs, |e| e.slope.0);
-        assert!(slope <= 0.010, "{course:?}: slope rms {slope}");
-        let largest = p95(&runs, |e| e.slope.1);
-        assert!(largest <= 0.025, "{course:?}: largest slope error {largest}");
-        let all: Vec<f64> = runs.iter().flat_map(|run| run.normalised.iter().copied()).collect();
-        let beyond = all.iter().filter(|z| **z > 3.0).count() as f64 / all.len() as f64;
-        println!("{course:?}: {:.2} % of the slope's errors beyond 3 standard deviations", 100.0 * beyond);
-        assert!(beyond <= 0.04, "{course:?}: overconfident in {beyond} of the samples");
-        for run in runs.iter().filter(|run| run.found.is_none()) {
-            assert!(median(&run.normalised) <= 3.0, "{course:?}: missed by {} of its sigma", median(&run.normalised));
+        slope_is_never_missed(&format!("perturbed {course:?} bias"), &perturbed_runs(course, Kind::Bias));
+    }
+}
+
+/// Rolling resistance and dry yaw friction of which the filter has not heard, and somebody who pushes.
+#[test]
+fn forces_that_nobody_reports_do_not_hide_the_slope() {
+    for course in [Course::Climb, Course::Oblique, Course::YawMoment] {
+        for (what, rolling, push) in [("rolling", 0.012, 0.0), ("pushed", 0.0, 20.0), ("held back", 0.012, -20.0)] {
+            let runs: Vec<Errors> = (0..SEEDS)
+                .map(|seed| {
+                    let mut normal = Normal::new(5000 + seed);
+                    let p = parameters(course, &mut normal);
+                    let mut setup = perturbed(course, &mut normal);
+                    setup.body.rolling_coefficient = rolling;
+                    setup.body.yaw_friction = 50.0 * rolling;
+                    setup.push = push;
+                    let rows = drive(&setup, &mut normal);
+                    errors(&rows, &estimate(&p, &rows))
+                })
+                .collect();
+            slope_is_never_missed(&format!("{what} {course:?}"), &runs);
         }
     }
-    assert!(unfound * 50 <= 3 * SEEDS as usize, "{unfound} slopes of {} unfound within 10 %", 3 * SEEDS);
 }
 
 /// A heading that was given wrong makes a wrong slope with a small standard deviation, which only the

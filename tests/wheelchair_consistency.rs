@@ -6,7 +6,7 @@ mod support;
 #[path = "wheelchair/ukf.rs"]
 mod ukf;
 
-use chairs::reference_chair;
+use chairs::{reference_chair, reference_noise};
 use nalgebra::{SMatrix, SVector};
 use proptest::prelude::*;
 use rand::SeedableRng;
@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use support::{quantile, vector_table, vector_text};
 use wheelstate::estimator::wheelchair::observer::{Drive, Form, Limits, Noise, Observer, Sample};
-use wheelstate::estimator::wheelchair::{Basic, Biased, GravityVector};
+use wheelstate::estimator::wheelchair::{Basic, Biased, GravityVector, Mover};
 use wheelstate::filter::belief::Belief;
 use wheelstate::filter::discretise::runge_kutta;
 use wheelstate::filter::ekf::{self, Gate, Rows};
@@ -24,7 +24,8 @@ use wheelstate::plant::wheelchair::Course;
 const NO_GATE: Gate = Gate { deviations: 0.0, patience: 10 };
 
 fn observer<F>(form: F) -> Observer<F> {
-    Observer { chair: reference_chair("full"), noise: Noise::default(), limits: Limits::default(), gate: NO_GATE, form }
+    let noise = reference_noise(&serde_json::Value::Null);
+    Observer { chair: reference_chair("full"), noise, limits: Limits::default(), gate: NO_GATE, form }
 }
 
 fn prior() -> SVector<f64, 6> {
@@ -43,6 +44,14 @@ fn sensor_noise(noise: &Noise, chair: &model::Chair, alpha: f64) -> SMatrix<f64,
     r
 }
 
+/// Covariance of a step of 10 ms.
+fn process_noise(observer: &Observer<Basic>) -> SMatrix<f64, 6, 6> {
+    let mut step = Belief { mean: State::zeros(), covariance: SMatrix::zeros() };
+    let drive = Drive { command: Command::zeros(), accel_x: None, still: false };
+    Basic.add_process_noise(&mut step, &observer.chair, &drive, &observer.noise, observer.noise.speed, 0.01);
+    step.covariance
+}
+
 /// 100 runs of 500 steps on a plant whose noise is what the filter assumes.
 #[test]
 fn nees_and_nis_are_those_of_a_consistent_filter() {
@@ -57,9 +66,7 @@ fn nees_and_nis_are_those_of_a_consistent_filter() {
         let mut x = start;
         let spread = prior().map(f64::sqrt);
         let mut filter = Belief::new(start + State::from_fn(|i, _| spread[i] * draw()), &prior());
-        let mut q = SMatrix::zeros();
-        Basic.add_process_noise(&mut q, &observer.noise, observer.noise.speed, 0.01);
-        let q_root = q.cholesky().unwrap().l();
+        let q_root = process_noise(&observer).cholesky().unwrap().l();
         let mut nees = 0.0;
         for k in 0..500 {
             let command = |k: usize| Command::from(Course::Oblique.command(0.01 * k as f64, 0.0));
@@ -106,8 +113,7 @@ fn extended_and_unscented_filters_agree() {
         let mut extended = Belief::new(State::from_iterator(x0), &prior());
         let mut unscented = ukf::Ukf { mean: extended.mean, covariance: extended.covariance };
         let table = vector_table(&format!("4-wheelchair/{file}"));
-        let mut q = SMatrix::zeros();
-        Basic.add_process_noise(&mut q, &observer.noise, observer.noise.speed, 0.01);
+        let q = process_noise(&observer);
         for row in 0..table.rows.len() {
             let drive = |row: usize| Drive {
                 command: Command::new(table.at(row, "u_f"), table.at(row, "u_r")),
@@ -230,8 +236,9 @@ proptest! {
     }
 
     #[test]
-    fn covariance_of_eleven_states_stays_positive_definite(steps in steps(), acceleration_input in any::<bool>()) {
-        stays_sound(Biased { acceleration_input }, SVector::zeros(), &steps)?;
+    fn covariance_of_thirteen_states_stays_positive_definite(steps in steps(), force in any::<bool>()) {
+        let mover = if force { Mover::Force } else { Mover::TippingAcceleration };
+        stays_sound(Biased { mover }, SVector::zeros(), &steps)?;
     }
 
     #[test]

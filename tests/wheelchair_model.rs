@@ -174,7 +174,7 @@ fn jacobians_of_all_forms_are_the_slopes_of_their_functions() {
         for still in [false, true] {
             let mut x = model::BiasedState::zeros();
             x.fixed_rows_mut::<6>(0).copy_from(&x6);
-            x.fixed_rows_mut::<5>(6).copy_from(&SVector::from([0.01, -0.04, 0.03, 0.05, 0.2]));
+            x.fixed_rows_mut::<7>(6).copy_from(&SVector::from([0.01, -0.04, 0.03, 0.05, 0.2, 0.1, -4.0]));
             let rate = |x: &_| model::biased_derivative(&chair, x, &u, still);
             same_slope("biased F", &whole(&model::biased_linearise(&chair, &x, &u, still).1), &differences(&x, rate));
             let sensors = |x: &_| model::biased_output(&chair, x, &u, still);

@@ -58,7 +58,7 @@ fn body(p: &Parameters) -> Body {
 /// for any chair, heading and slope, with regular and irregular steps. The largest of all runs counts.
 #[test]
 fn errors_keep_to_their_standard_deviations() {
-    for kind in [Kind::Basic, Kind::Bias, Kind::GravityVector] {
+    for kind in KINDS {
         let mut worst = [0.0_f64; 5];
         for seed in 0..90 {
             let mut normal = Normal::new(seed);

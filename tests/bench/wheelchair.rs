@@ -10,7 +10,9 @@ use nalgebra::SVector;
 use runs::{Drive as Setup, Normal};
 use wheelstate::Estimator;
 use wheelstate::estimator::wheelchair::observer::{Drive, Form, Observer, Sample};
-use wheelstate::estimator::wheelchair::{Basic, Biased, GravityVector, Inputs, Kind, Outputs, Parameters, Wheelchair};
+use wheelstate::estimator::wheelchair::{
+    Basic, Biased, GravityVector, Inputs, Kind, Mover, Outputs, Parameters, Wheelchair,
+};
 use wheelstate::filter::belief::Belief;
 use wheelstate::model::wheelchair::{Command, Output, wheel_travel};
 use wheelstate::plant::wheelchair::Course;
@@ -70,8 +72,8 @@ fn eight_states(bencher: Bencher) {
 }
 
 #[divan::bench(sample_size = 4000)]
-fn eleven_states(bencher: Bencher) {
-    predict_and_update(bencher, Biased { acceleration_input: false });
+fn thirteen_states(bencher: Bencher) {
+    predict_and_update(bencher, Biased { mover: Mover::Force });
 }
 
 #[divan::bench(sample_size = 4000, args = ["basic", "bias", "acceleration_input", "gravity_vector"])]

@@ -1,6 +1,9 @@
-//! The chairs of the reference vectors.
+//! The chairs and the noise of the reference vectors.
+
+#![allow(dead_code)]
 
 use super::support::vector_text;
+use wheelstate::estimator::wheelchair::observer::Noise;
 use wheelstate::model::wheelchair::{Accelerometer, Chair, Dynamics, Gyro};
 
 /// A parameter set of `params.json` by its name.
@@ -34,5 +37,27 @@ pub fn reference_chair(variant: &str) -> Chair {
             _ => Gyro::Body,
         },
         accelerometer: if p["acc"] == "paper" { Accelerometer::Paper } else { Accelerometer::Rigid },
+    }
+}
+
+/// The noise of `params.json`, with the densities that a run sets instead.
+pub fn reference_noise(run: &serde_json::Value) -> Noise {
+    let all: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/params.json")).unwrap();
+    let config = &all["config"];
+    let density = |k: usize| run["q"].get(k).or(config["q"].get(k)).and_then(|q| q.as_f64()).unwrap();
+    let std = |name: &str| config[name].as_f64().unwrap();
+    Noise {
+        speed: density(0),
+        yaw_rate: density(1),
+        slope_rate: density(2),
+        gyro_bias: density(3),
+        accel_bias: density(4),
+        heading_offset: density(5),
+        force_offset: 0.0,
+        encoder: std("sig_theta"),
+        gyro: std("sig_gyro"),
+        accel: std("sig_acc"),
+        slope_acceleration: std("sig_xidd"),
+        standstill: config["still_sig"][0].as_f64().unwrap(),
     }
 }

@@ -48,6 +48,8 @@ pub struct Drive {
     pub actuation: Actuation,
     pub sensors: Sensors,
     pub noise: NoiseLevel,
+    /// Of somebody who pushes from 3 to 4 s and from 5 to 5.5 s, N.
+    pub push: f64,
 }
 
 impl Drive {
@@ -59,6 +61,7 @@ impl Drive {
             actuation: Actuation::default(),
             sensors: Sensors::default(),
             noise: NOMINAL,
+            push: 0.0,
         }
     }
 }
@@ -92,9 +95,11 @@ pub fn drive(setup: &Drive, normal: &mut Normal) -> Vec<Row> {
         .map(|k| {
             let time = 0.01 * k as f64;
             let command = setup.course.command(time, plant.truth().speed);
-            let reading = plant.measure(command, &setup.noise.draw(normal));
+            let pushed = (3.0..4.0).contains(&time) || (5.0..5.5).contains(&time);
+            let acting = [command[0] + if pushed { setup.push } else { 0.0 }, command[1]];
+            let reading = plant.measure(acting, &setup.noise.draw(normal));
             let row = Row { time, truth: plant.truth(), inputs: inputs(&reading, command) };
-            plant.advance(command, 0.01);
+            plant.advance(acting, 0.01);
             row
         })
         .collect()

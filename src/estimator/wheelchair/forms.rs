@@ -1,6 +1,7 @@
 //! The states the observer can work with.
 
 use super::observer::{Drive, Expected, Form, Noise};
+use crate::filter::belief::Belief;
 use crate::filter::discretise::white_rate_noise;
 use crate::model::wheelchair::{self as model, Chair, gravity};
 use nalgebra::{Matrix3, SMatrix, Vector3};
@@ -9,11 +10,24 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Basic;
 
-/// Eleven states with sensor biases: [`model::BiasedState`].
+/// Thirteen states with what sensors and drive get wrong: [`model::BiasedState`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Biased {
-    /// The measured acceleration takes the place of the drive force.
-    pub acceleration_input: bool,
+    /// What moves the chair.
+    pub mover: Mover,
+}
+
+/// What the speed's rate is taken from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mover {
+    /// The drive force.
+    Force,
+    /// The measured acceleration, its noise white as in the source.
+    Acceleration,
+    /// The measured acceleration, in which a tipping chair moves the sensor by its height: with `a_x`
+    /// containing `m_x xi''` ([`tilt_lever`](model::tilt_lever)) the noise `xi''` that drives the slope
+    /// drives the speed by `-m_x xi''`.
+    TippingAcceleration,
 }
 
 /// Eight states with the direction of gravity: [`model::gravity::State`].
@@ -40,6 +54,24 @@ fn chair_pairs(noise: &Noise, speed: f64) -> [(usize, usize, f64); 3] {
     [(model::S, model::V, speed), (model::ALPHA, model::R, noise.yaw_rate), (model::XI, model::W, noise.slope_rate)]
 }
 
+/// Adds what the noise of the pair (slope, its rate) does to the pair (distance, speed), `gain` times as much.
+fn add_tipping_noise(covariance: &mut SMatrix<f64, 13, 13>, dt: f64, density: f64, gain: f64) {
+    let (a, b, c) = white_rate_noise(density, dt);
+    let (own, mut mixed) = (gain * gain, |i, j, value| {
+        covariance[(i, j)] += value;
+        if i != j {
+            covariance[(j, i)] += value;
+        }
+    });
+    mixed(model::S, model::S, own * a);
+    mixed(model::S, model::V, own * b);
+    mixed(model::V, model::V, own * c);
+    mixed(model::S, model::XI, gain * a);
+    mixed(model::S, model::W, gain * b);
+    mixed(model::V, model::XI, gain * b);
+    mixed(model::V, model::W, gain * c);
+}
+
 fn outer(lever: Vector3<f64>) -> Matrix3<f64> {
     lever * lever.transpose()
 }
@@ -54,8 +86,8 @@ impl Form<6, 5, 3> for Basic {
     fn linearise(&self, chair: &Chair, x: &model::State, drive: &Drive) -> (model::State, SMatrix<f64, 5, 6>) {
         model::linearise(chair, x, &drive.command, drive.still)
     }
-    fn add_process_noise(&self, covariance: &mut SMatrix<f64, 6, 6>, noise: &Noise, speed: f64, dt: f64) {
-        add_paired_noise(covariance, dt, chair_pairs(noise, speed));
+    fn add_process_noise(&self, belief: &mut Belief<6>, _: &Chair, _: &Drive, noise: &Noise, speed: f64, dt: f64) {
+        add_paired_noise(&mut belief.covariance, dt, chair_pairs(noise, speed));
     }
     fn observe(&self, chair: &Chair, x: &model::State, drive: &Drive) -> Expected<6> {
         let seen = model::observe(chair, x, &drive.command, drive.still);
@@ -63,16 +95,18 @@ impl Form<6, 5, 3> for Basic {
     }
 }
 
-/// The slope's rate and the biases do not move.
-impl Form<11, 5, 3> for Biased {
+/// The slope's rate, the biases and the force's errors do not move.
+impl Form<13, 5, 3> for Biased {
     const AT_REST: [usize; 3] = [model::V, model::R, model::W];
 
     fn driven_by_acceleration(&self) -> bool {
-        self.acceleration_input
+        self.mover != Mover::Force
     }
     fn derivative(&self, chair: &Chair, x: &model::BiasedState, drive: &Drive) -> model::BiasedState {
         match drive.accel_x {
-            Some(a) if self.acceleration_input => model::acceleration_driven(chair, x, &drive.command, a, drive.still),
+            Some(a) if self.driven_by_acceleration() => {
+                model::acceleration_driven(chair, x, &drive.command, a, drive.still)
+            }
             _ => model::biased_derivative(chair, x, &drive.command, drive.still),
         }
     }
@@ -81,21 +115,37 @@ impl Form<11, 5, 3> for Biased {
         chair: &Chair,
         x: &model::BiasedState,
         drive: &Drive,
-    ) -> (model::BiasedState, SMatrix<f64, 5, 11>) {
+    ) -> (model::BiasedState, SMatrix<f64, 5, 13>) {
         let (u, still) = (&drive.command, drive.still);
         match drive.accel_x {
-            Some(a) if self.acceleration_input => model::acceleration_driven_linearise(chair, x, u, a, still),
+            Some(a) if self.driven_by_acceleration() => model::acceleration_driven_linearise(chair, x, u, a, still),
             _ => model::biased_linearise(chair, x, u, still),
         }
     }
-    fn add_process_noise(&self, covariance: &mut SMatrix<f64, 11, 11>, noise: &Noise, speed: f64, dt: f64) {
+    fn add_process_noise(
+        &self,
+        belief: &mut Belief<13>,
+        chair: &Chair,
+        drive: &Drive,
+        noise: &Noise,
+        speed: f64,
+        dt: f64,
+    ) {
+        let covariance = &mut belief.covariance;
         add_paired_noise(covariance, dt, chair_pairs(noise, speed));
-        let drift = [noise.gyro_bias, noise.accel_bias, noise.accel_bias, noise.accel_bias, noise.heading_offset];
+        // While the force moves nothing, its errors are neither seen nor in the way.
+        let force = if self.mover == Mover::Force && !drive.still { noise.force_offset } else { 0.0 };
+        let (accel, offset) = (noise.accel_bias, noise.heading_offset);
+        let drift = [noise.gyro_bias, accel, accel, accel, offset, 0.0, force];
         for (k, density) in drift.into_iter().enumerate() {
-            covariance[(6 + k, 6 + k)] += density * dt;
+            covariance[(model::GYRO_BIAS + k, model::GYRO_BIAS + k)] += density * dt;
+        }
+        if self.mover == Mover::TippingAcceleration && drive.accel_x.is_some() && !drive.still {
+            let lever = model::tilt_lever(chair, belief.mean[model::ALPHA])[0];
+            add_tipping_noise(covariance, dt, noise.slope_rate, -lever);
         }
     }
-    fn observe(&self, chair: &Chair, x: &model::BiasedState, drive: &Drive) -> Expected<11> {
+    fn observe(&self, chair: &Chair, x: &model::BiasedState, drive: &Drive) -> Expected<13> {
         let seen = model::biased_observe(chair, x, &drive.command, drive.still);
         Expected { output: seen.output, jacobian: seen.jacobian, tilt_noise: outer(seen.tilt_lever) }
     }
@@ -111,10 +161,10 @@ impl Form<8, 6, 4> for GravityVector {
     fn linearise(&self, chair: &Chair, x: &gravity::State, drive: &Drive) -> (gravity::State, SMatrix<f64, 6, 8>) {
         gravity::linearise(chair, x, &drive.command, drive.still)
     }
-    fn add_process_noise(&self, covariance: &mut SMatrix<f64, 8, 8>, noise: &Noise, speed: f64, dt: f64) {
+    fn add_process_noise(&self, belief: &mut Belief<8>, _: &Chair, _: &Drive, noise: &Noise, speed: f64, dt: f64) {
         use gravity::{GX, GY, PSI, R, S, V, WP, WR};
         let pairs = [(S, V, speed), (PSI, R, noise.yaw_rate), (GX, WP, noise.slope_rate), (GY, WR, noise.slope_rate)];
-        add_paired_noise(covariance, dt, pairs);
+        add_paired_noise(&mut belief.covariance, dt, pairs);
     }
     fn observe(&self, chair: &Chair, x: &gravity::State, drive: &Drive) -> Expected<8> {
         let (output, jacobian) = gravity::observe(chair, x, &drive.command, drive.still);

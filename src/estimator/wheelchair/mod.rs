@@ -6,7 +6,7 @@
 //! | kind | states | for |
 //! |---|---|---|
 //! | `basic` | 6 | calibrated sensors; misses slopes and is overconfident with biased ones |
-//! | `bias` (default) | 11 | unknown biases of gyro and accelerometer |
+//! | `bias` (default) | 13 | unknown biases of gyro and accelerometer, force and mass not quite right |
 //! | `acceleration_input` | 11 | force not or badly known: the measured acceleration drives the motion |
 //! | `gravity_vector` | 8 | direction of the contour line unknown at the start |
 //!
@@ -29,7 +29,7 @@ mod standstill;
 mod variables;
 mod wheels;
 
-pub use forms::{Basic, Biased, GravityVector};
+pub use forms::{Basic, Biased, GravityVector, Mover};
 pub use parameters::{
     ChairParameters, EncoderParameters, FilterParameters, ImuParameters, InitialParameters, Kind, LimitParameters,
     MeasurementParameters, Model, Parameters, ProcessParameters, RollingParameters, StandstillParameters, Zero,
@@ -59,7 +59,7 @@ pub enum ChairBelief {
     /// `basic`
     Basic(Belief<6>),
     /// `bias` and `acceleration_input`
-    Biased(Belief<11>),
+    Biased(Belief<13>),
     /// `gravity_vector`
     Gravity(Belief<8>),
 }
@@ -119,7 +119,8 @@ impl Wheelchair {
         let chair = model::State::new(0.0, p.heading, p.speed, 0.0, p.slope, 0.0);
         let variances =
             squares([p.distance_std, p.heading_std, p.speed_std, p.yaw_rate_std, p.slope_std, p.slope_rate_std]);
-        match parameters.filter.kind {
+        let kind = parameters.filter.kind;
+        match kind {
             Kind::Basic => ChairBelief::Basic(Belief::new(chair, &variances)),
             Kind::Bias | Kind::AccelerationInput => {
                 let (mut mean, mut all) = (model::BiasedState::zeros(), model::BiasedState::zeros());
@@ -129,6 +130,10 @@ impl Wheelchair {
                 let accel = p.accel_bias_std;
                 let bias = [p.gyro_bias_std, accel, accel, accel, p.heading_offset_std];
                 all.fixed_rows_mut::<5>(6).copy_from(&SVector::from(bias).map(|s| s * s));
+                if kind == Kind::Bias {
+                    all[model::FORCE_GAIN] = p.force_gain_std * p.force_gain_std;
+                    all[model::FORCE_OFFSET] = p.force_offset_std * p.force_offset_std;
+                }
                 ChairBelief::Biased(Belief::new(mean, &all))
             }
             Kind::GravityVector => {
@@ -222,7 +227,8 @@ impl Estimator for Wheelchair {
         parameters.check()?;
         let (chair, noise) = (parameters.chair(), parameters.noise());
         let (limits, gate) = (parameters.limits(), parameters.gate());
-        let acceleration_input = parameters.filter.kind == Kind::AccelerationInput;
+        let driven = parameters.filter.kind == Kind::AccelerationInput;
+        let mover = if driven { Mover::TippingAcceleration } else { Mover::Force };
         let initial = Self::initial_belief(parameters);
         let state = State {
             belief: initial.clone(),
@@ -242,7 +248,7 @@ impl Estimator for Wheelchair {
         let bands = &parameters.standstill;
         Ok(Self {
             basic: Observer { chair, noise, limits, gate, form: Basic },
-            biased: Observer { chair, noise, limits, gate, form: Biased { acceleration_input } },
+            biased: Observer { chair, noise, limits, gate, form: Biased { mover } },
             gravity: Observer { chair, noise, limits, gate, form: GravityVector },
             bands: Bands {
                 time: bands.time,

@@ -25,6 +25,8 @@ pub struct Noise {
     pub accel_bias: f64,
     /// Drift of the heading against the encoders, rad^2/s.
     pub heading_offset: f64,
+    /// Drift of the force that nobody reports, N^2/s.
+    pub force_offset: f64,
     /// One wheel angle, rad.
     pub encoder: f64,
     /// Gyro, rad/s.
@@ -96,8 +98,16 @@ pub trait Form<const N: usize, const K: usize, const P: usize> {
     fn derivative(&self, chair: &Chair, x: &SVector<f64, N>, drive: &Drive) -> SVector<f64, N>;
     /// [`derivative`](Self::derivative) with the first `K` rows of its Jacobian; the others are zero.
     fn linearise(&self, chair: &Chair, x: &SVector<f64, N>, drive: &Drive) -> (SVector<f64, N>, SMatrix<f64, K, N>);
-    /// Adds the noise of a step of `dt` with the density `speed` of the acceleration.
-    fn add_process_noise(&self, covariance: &mut SMatrix<f64, N, N>, noise: &Noise, speed: f64, dt: f64);
+    /// Adds the noise of a step of `dt` with the density `speed` of the acceleration to a belief at its end.
+    fn add_process_noise(
+        &self,
+        belief: &mut Belief<N>,
+        chair: &Chair,
+        drive: &Drive,
+        noise: &Noise,
+        speed: f64,
+        dt: f64,
+    );
     /// `y = h(x, u)`.
     fn observe(&self, chair: &Chair, x: &SVector<f64, N>, drive: &Drive) -> Expected<N>;
 }
@@ -174,7 +184,7 @@ impl<F> Observer<F> {
             let (rate, jacobian) = self.form.linearise(&self.chair, &belief.mean, drive);
             let mean = runge_kutta_from(&belief.mean, &rate, h, |x| self.form.derivative(&self.chair, x, drive));
             ekf::predict(belief, mean, &transition(&jacobian, h));
-            self.form.add_process_noise(&mut belief.covariance, &self.noise, density, h);
+            self.form.add_process_noise(belief, &self.chair, drive, &self.noise, density, h);
         }
         Ok(())
     }

@@ -111,6 +111,10 @@ crate::variables! {
         accel_bias_std: f64 = 0.1, "m/s2", [1e-9, 10.0];
         /// Standard deviation of the heading at which the encoders read zero. If it is not small use the kind gravity_vector, which needs no heading.
         heading_offset_std: f64 = 1e-6, "rad", [1e-9, 10.0];
+        /// Standard deviation of the drive force's relative error, that of the mass included; 0 = exact. Only with the kind bias.
+        force_gain_std: f64 = 0.1, "1", [0.0, 10.0];
+        /// Standard deviation of the force that nobody reports, such as unknown rolling resistance or a push; 0 = none. Only with the kind bias.
+        force_offset_std: f64 = 3.0, "N", [0.0, 1e4];
     }
 }
 
@@ -128,7 +132,7 @@ crate::variables! {
     /// Process noise: power spectral densities of white noise.
     pub struct ProcessParameters {
         /// Density of the unmodelled acceleration along the heading.
-        speed: f64 = 4e-3, "m2/s3", [0.0, 1e3], tunable;
+        speed: f64 = 1e-3, "m2/s3", [0.0, 1e3], tunable;
         /// Density of the unmodelled yaw acceleration.
         yaw_rate: f64 = 4e-3, "rad2/s3", [0.0, 1e3], tunable;
         /// Density of the slope's second derivative.
@@ -139,6 +143,8 @@ crate::variables! {
         accel_bias: f64 = 1e-6, "m2/s5", [0.0, 1.0], tunable;
         /// Density of the drift of the heading against the encoders, from slipping wheels.
         heading_offset: f64 = 0.0, "rad2/s", [0.0, 1.0], tunable;
+        /// Density of the drift of the force that nobody reports; only with the kind bias.
+        force_offset: f64 = 4.0, "N2/s", [0.0, 1e6], tunable;
     }
 }
 
@@ -163,7 +169,7 @@ crate::variables! {
     pub struct FilterParameters {
         /// Equations: full = Newton-Euler with resistance terms, paper = those of Oh and Hori, corrected.
         model: Model = Model::Full, "1";
-        /// State: basic = 6 states, bias = with sensor biases, acceleration_input = with biases and the measured acceleration in place of the drive force, gravity_vector = without need of an initial heading.
+        /// State: basic = 6 states, bias = with biases of the sensors and errors of the drive force, acceleration_input = with biases of the sensors and the measured acceleration in place of the drive force, gravity_vector = without need of an initial heading.
         kind: Kind = Kind::Bias, "1";
         /// Whether a chair that does not move is recognised, for which brakes and static friction are then allowed.
         detect_standstill: bool = true, "1", tunable;
@@ -291,6 +297,7 @@ impl Parameters {
             gyro_bias: process.gyro_bias,
             accel_bias: process.accel_bias,
             heading_offset: process.heading_offset,
+            force_offset: process.force_offset,
             encoder: measured.encoder,
             gyro: measured.gyro,
             accel: measured.accel,

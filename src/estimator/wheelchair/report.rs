@@ -99,12 +99,15 @@ impl Wheelchair {
     }
 }
 
-fn report_biases(mean: &SVector<f64, 11>, filter: &Belief<11>, outputs: &mut Outputs) {
-    (outputs.gyro_bias, outputs.gyro_bias_std) = (mean[6], filter.std(6));
-    (outputs.accel_x_bias, outputs.accel_x_bias_std) = (mean[7], filter.std(7));
-    (outputs.accel_y_bias, outputs.accel_y_bias_std) = (mean[8], filter.std(8));
-    (outputs.accel_z_bias, outputs.accel_z_bias_std) = (mean[9], filter.std(9));
-    (outputs.heading_offset, outputs.heading_offset_std) = (mean[10], filter.std(10));
+fn report_biases(x: &model::BiasedState, belief: &Belief<13>, outputs: &mut Outputs) {
+    let told = |index: usize| (x[index], belief.std(index));
+    (outputs.gyro_bias, outputs.gyro_bias_std) = told(model::GYRO_BIAS);
+    (outputs.accel_x_bias, outputs.accel_x_bias_std) = told(model::ACCEL_X_BIAS);
+    (outputs.accel_y_bias, outputs.accel_y_bias_std) = told(model::ACCEL_X_BIAS + 1);
+    (outputs.accel_z_bias, outputs.accel_z_bias_std) = told(model::ACCEL_X_BIAS + 2);
+    (outputs.heading_offset, outputs.heading_offset_std) = told(model::HEADING_OFFSET);
+    (outputs.force_gain_error, outputs.force_gain_error_std) = told(model::FORCE_GAIN);
+    (outputs.force_offset, outputs.force_offset_std) = told(model::FORCE_OFFSET);
 }
 
 fn report_gravity(mean: &gravity::State, filter: &Belief<8>, outputs: &mut Outputs) {

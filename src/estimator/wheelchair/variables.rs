@@ -75,6 +75,14 @@ crate::variables! {
         heading_offset: f64 = 0.0, "rad";
         /// Standard deviation of the heading's offset.
         heading_offset_std: f64 = 0.0, "rad", [0.0, f64::INFINITY];
+        /// Relative error of the drive force, that of the mass included: (1 + this) times drive_force acts on the chair; 0 with standard deviation 0 where the kind does not estimate it.
+        force_gain_error: f64 = 0.0, "1";
+        /// Standard deviation of the drive force's relative error.
+        force_gain_error_std: f64 = 0.0, "1", [0.0, f64::INFINITY];
+        /// Force along the heading that nobody reports, such as unknown rolling resistance or a push; 0 with standard deviation 0 where the kind does not estimate it.
+        force_offset: f64 = 0.0, "N";
+        /// Standard deviation of the force that nobody reports.
+        force_offset_std: f64 = 0.0, "N", [0.0, f64::INFINITY];
         /// Whether the chair stands still; brakes and static friction are then allowed for.
         standstill: bool = false, "1";
         /// Normalised innovation squared per channel of the last sample; near 1 if noise and model fit, 0 if nothing was measured.

@@ -186,7 +186,8 @@ pub struct Attitude {
 /// Attitude from the mean and the covariance of the state.
 ///
 /// Where the slope is smaller than its own uncertainty the delta method would divide by zero; there
-/// the heading counts as unknown and every direction of the tilt counts for the slope.
+/// the heading counts as unknown and every direction of the tilt counts for the slope. Not much above
+/// it the tilt may point the other way, which the heading's standard deviation contains.
 pub fn attitude(x: &State, covariance: &SMatrix<f64, 8, 8>) -> Attitude {
     let block = covariance.fixed_view::<2, 2>(GX, GX).into_owned();
     let rates = covariance.fixed_view::<2, 2>(WP, WP).into_owned();
@@ -199,15 +200,18 @@ pub fn attitude(x: &State, covariance: &SMatrix<f64, 8, 8>) -> Attitude {
         |m: &Matrix2<f64>, a: f64, b: f64| (a * a * m[(0, 0)] + 2.0 * a * b * m[(0, 1)] + b * b * m[(1, 1)]).max(0.0);
     // Unit vector along the tilt; any direction will do on flat ground.
     let (ux, uy) = if tilt > 1e-12 { (gx / tilt, gy / tilt) } else { (1.0, 0.0) };
-    let across = quadratic(&block, uy, -ux);
+    let (along, across) = (quadratic(&block, ux, uy), quadratic(&block, uy, -ux));
+    // A tilt that may as well point the other way makes the heading wrong by half a turn; Chernoff's bound of that.
+    let turned = 0.5 * (-0.5 * tilt * tilt / along.max(1e-24)).exp();
+    let heading_variance = (1.0 - turned) * across / (tilt * tilt).max(1e-24) + turned * PI * PI;
     let flat = tilt * tilt <= spread;
     let rate_spread = rates.trace();
     let slope_rate_variance = quadratic(&rates, ux, uy) + if flat { rate_spread } else { 0.0 };
     Attitude {
         heading: if tilt > 1e-12 { gx.atan2(gy) } else { 0.0 },
-        heading_std: (across.sqrt() / tilt.max(1e-12)).min(unknown),
+        heading_std: heading_variance.sqrt().min(unknown),
         slope: tilt.asin(),
-        slope_std: if flat { spread.sqrt() } else { quadratic(&block, ux, uy).sqrt() / cosine },
+        slope_std: if flat { spread.sqrt() } else { along.sqrt() / cosine },
         slope_rate: ux * x[WP] + uy * x[WR],
         slope_rate_std: slope_rate_variance.sqrt(),
         pitch: gx.clamp(-1.0, 1.0).asin(),

@@ -48,8 +48,8 @@ mod motion;
 mod sensors;
 
 pub use biased::{
-    BiasedState, acceleration_driven, acceleration_driven_linearise, biased_derivative, biased_linearise,
-    biased_observe, biased_output,
+    ACCEL_X_BIAS, BiasedState, FORCE_GAIN, FORCE_OFFSET, GYRO_BIAS, HEADING_OFFSET, acceleration_driven,
+    acceleration_driven_linearise, biased_derivative, biased_linearise, biased_observe, biased_output,
 };
 pub use encoder::{Unwrapper, wheel_angles, wheel_travel};
 pub use motion::{derivative, linearise};
