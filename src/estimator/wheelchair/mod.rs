@@ -17,9 +17,8 @@
 //! corrected only by `gravity_vector`; the other kinds take the encoders' heading as true. At rest
 //! slope and accelerometer bias cannot be told apart (0.05 m/s^2 look like 5 mrad). A slope that
 //! appears as a step, without rotation that the gyro could see, is found late or not at all. A constant
-//! error of the drive force over the mass, the bias of the accelerometer ahead and the slope look alike
-//! too: all of mass, force gain and force offset wrong the same way cost some mrad. `acceleration_input`
-//! feels a change of the slope through the height of its sensor and wants it near the axle.
+//! force that nobody reports and the bias of the accelerometer ahead look like slope too, until the drive
+//! force changes; `bias` carries the force's errors as states, the other kinds take force and mass as true.
 
 mod forms;
 pub mod observer;
