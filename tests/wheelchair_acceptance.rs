@@ -232,10 +232,14 @@ fn perturbed_plant_hides_the_slope_from_six_states() {
     assert!(driven.iter().all(|run| run.found_roughly), "a slope was missed by more than 20 %");
 }
 
-/// Nothing is known of the heading; the slope itself shows where uphill is.
+/// Nothing is known of the heading; the slope itself shows where uphill is, the better the less is wrong.
 #[test]
 fn gravity_vector_finds_an_unknown_heading() {
-    for course in [Course::Climb, Course::Oblique, Course::YawMoment] {
+    let courses = [Course::Climb, Course::Oblique, Course::YawMoment];
+    let cases = courses.into_iter().flat_map(|course| [(course, true), (course, false)]);
+    for (course, matched) in cases {
+        let what = format!("gravity_vector {course:?} {}", if matched { "matched" } else { "perturbed" });
+        let mut slopes = vec![];
         let (mut rms, mut normalised, mut sigma, mut pitch) = (vec![], vec![], vec![], vec![]);
         for seed in 0..SEEDS {
             let mut normal = Normal::new(2000 + seed);
@@ -243,8 +247,10 @@ fn gravity_vector_finds_an_unknown_heading() {
             p.filter.kind = Kind::GravityVector;
             p.initial.heading = 0.0;
             p.initial.slope = 0.0;
-            let rows = drive(&Drive::nominal(course), &mut normal);
+            let setup = if matched { Drive::nominal(course) } else { perturbed(course, &mut normal) };
+            let rows = drive(&setup, &mut normal);
             let outputs = estimate(&p, &rows);
+            slopes.push(errors(&rows, &outputs));
             let on_slope = || rows.iter().zip(&outputs).skip(300).take(296);
             let error = |r: &runs::Row, o: &Outputs| wrapped(o.heading - r.truth.heading);
             rms.push(rms_max(on_slope().map(|(r, o)| error(r, o))).0);
@@ -257,7 +263,7 @@ fn gravity_vector_finds_an_unknown_heading() {
             assert!(outputs.iter().all(|o| o.slope >= 0.0));
         }
         println!(
-            "gravity_vector {course:?}: heading rms {:.3} / {:.3}, own sigma {:.3}, normalised {:.2} / {:.2}, pitch rms {:.4}",
+            "{what}: heading rms {:.3} / {:.3}, own sigma {:.3}, normalised {:.2} / {:.2}, pitch rms {:.4}",
             median(&rms),
             quantile(&rms, 0.95),
             median(&sigma),
@@ -265,9 +271,10 @@ fn gravity_vector_finds_an_unknown_heading() {
             quantile(&normalised, 0.95),
             median(&pitch),
         );
-        assert!(median(&rms) <= 0.05, "{course:?}: heading {}", median(&rms));
-        assert!(quantile(&normalised, 0.95) <= 1.5, "{course:?}: overconfident, {}", quantile(&normalised, 0.95));
-        assert!(median(&sigma) <= 0.15, "{course:?}: the standard deviation claims too little: {}", median(&sigma));
+        assert!(slopes.iter().all(|run| run.found_roughly), "{what}: a slope was missed by more than 20 %");
+        assert!(median(&rms) <= if matched { 0.05 } else { 0.08 }, "{what}: heading {}", median(&rms));
+        assert!(quantile(&normalised, 0.95) <= 1.5, "{what}: overconfident, {}", quantile(&normalised, 0.95));
+        assert!(median(&sigma) <= 0.15, "{what}: the standard deviation claims too little: {}", median(&sigma));
         assert!(median(&pitch) <= 0.005);
     }
 }

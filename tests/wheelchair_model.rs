@@ -8,7 +8,7 @@ use chairs::reference_chair;
 use nalgebra::{SMatrix, SVector};
 use support::{assert_close, vector_text};
 use wheelstate::filter::discretise::{runge_kutta, transition, white_rate_noise};
-use wheelstate::model::wheelchair::{self as model, Command, Output, gravity};
+use wheelstate::model::wheelchair::{self as model, Command, Output, biased_gravity, gravity};
 
 /// One row of a reference file: variant, then numbers by column name.
 struct Point {
@@ -192,6 +192,16 @@ fn jacobians_of_all_forms_are_the_slopes_of_their_functions() {
             same_slope("gravity F", &whole(&gravity::linearise(&chair, &x, &u, still).1), &differences(&x, rate));
             let sensors = |x: &_| gravity::output(&chair, x, &u, still);
             same_slope("gravity H", &gravity::observe(&chair, &x, &u, still).1, &differences(&x, sensors));
+
+            let mut all = biased_gravity::State::zeros();
+            all.fixed_rows_mut::<8>(0).copy_from(&x);
+            all.fixed_rows_mut::<6>(8).copy_from(&SVector::from([0.01, -0.04, 0.03, 0.05, 0.1, -4.0]));
+            let rate = |x: &_| biased_gravity::derivative(&chair, x, &u, still);
+            let jacobian = whole(&biased_gravity::linearise(&chair, &all, &u, still).1);
+            same_slope("biased gravity F", &jacobian, &differences(&all, rate));
+            let sensors = |x: &_| biased_gravity::output(&chair, x, &u, still);
+            let jacobian = biased_gravity::observe(&chair, &all, &u, still).1;
+            same_slope("biased gravity H", &jacobian, &differences(&all, sensors));
         }
     }
 }

@@ -67,7 +67,7 @@ fn six_states(bencher: Bencher) {
 }
 
 #[divan::bench(sample_size = 4000)]
-fn eight_states(bencher: Bencher) {
+fn fourteen_states(bencher: Bencher) {
     predict_and_update(bencher, GravityVector);
 }
 

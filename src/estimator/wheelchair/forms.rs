@@ -3,7 +3,7 @@
 use super::observer::{Drive, Expected, Form, Noise};
 use crate::filter::belief::Belief;
 use crate::filter::discretise::white_rate_noise;
-use crate::model::wheelchair::{self as model, Chair, gravity};
+use crate::model::wheelchair::{self as model, Chair, biased_gravity, gravity};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 /// Six states: [`model::State`].
@@ -30,7 +30,7 @@ pub enum Mover {
     TippingAcceleration,
 }
 
-/// Eight states with the direction of gravity: [`model::gravity::State`].
+/// Fourteen states with the direction of gravity: [`biased_gravity::State`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GravityVector;
 
@@ -46,6 +46,18 @@ fn add_paired_noise<const N: usize>(
         covariance[(position, rate)] += b;
         covariance[(rate, position)] += b;
         covariance[(rate, rate)] += c;
+    }
+}
+
+/// Adds the noise of states from `first` on that walk at random.
+fn add_drift<const N: usize, const D: usize>(
+    covariance: &mut SMatrix<f64, N, N>,
+    dt: f64,
+    first: usize,
+    densities: [f64; D],
+) {
+    for (k, density) in densities.into_iter().enumerate() {
+        covariance[(first + k, first + k)] += density * dt;
     }
 }
 
@@ -137,9 +149,7 @@ impl Form<13, 5, 3> for Biased {
         let force = if self.mover == Mover::Force && !drive.still { noise.force_offset } else { 0.0 };
         let (accel, offset) = (noise.accel_bias, noise.heading_offset);
         let drift = [noise.gyro_bias, accel, accel, accel, offset, 0.0, force];
-        for (k, density) in drift.into_iter().enumerate() {
-            covariance[(model::GYRO_BIAS + k, model::GYRO_BIAS + k)] += density * dt;
-        }
+        add_drift(covariance, dt, model::GYRO_BIAS, drift);
         if self.mover == Mover::TippingAcceleration && drive.accel_x.is_some() && !drive.still {
             let lever = model::tilt_lever(chair, belief.mean[model::ALPHA])[0];
             add_tipping_noise(covariance, dt, noise.slope_rate, -lever);
@@ -151,23 +161,31 @@ impl Form<13, 5, 3> for Biased {
     }
 }
 
-/// All but the rates of pitch and roll moves.
-impl Form<8, 6, 4> for GravityVector {
+/// The rates of pitch and roll, the biases and the force's errors do not move.
+impl Form<14, 6, 4> for GravityVector {
     const AT_REST: [usize; 4] = [gravity::V, gravity::R, gravity::WP, gravity::WR];
 
-    fn derivative(&self, chair: &Chair, x: &gravity::State, drive: &Drive) -> gravity::State {
-        gravity::derivative(chair, x, &drive.command, drive.still)
+    fn derivative(&self, chair: &Chair, x: &biased_gravity::State, drive: &Drive) -> biased_gravity::State {
+        biased_gravity::derivative(chair, x, &drive.command, drive.still)
     }
-    fn linearise(&self, chair: &Chair, x: &gravity::State, drive: &Drive) -> (gravity::State, SMatrix<f64, 6, 8>) {
-        gravity::linearise(chair, x, &drive.command, drive.still)
+    fn linearise(
+        &self,
+        chair: &Chair,
+        x: &biased_gravity::State,
+        drive: &Drive,
+    ) -> (biased_gravity::State, SMatrix<f64, 6, 14>) {
+        biased_gravity::linearise(chair, x, &drive.command, drive.still)
     }
-    fn add_process_noise(&self, belief: &mut Belief<8>, _: &Chair, _: &Drive, noise: &Noise, speed: f64, dt: f64) {
+    fn add_process_noise(&self, belief: &mut Belief<14>, _: &Chair, drive: &Drive, noise: &Noise, speed: f64, dt: f64) {
         use gravity::{GX, GY, PSI, R, S, V, WP, WR};
         let pairs = [(S, V, speed), (PSI, R, noise.yaw_rate), (GX, WP, noise.slope_rate), (GY, WR, noise.slope_rate)];
         add_paired_noise(&mut belief.covariance, dt, pairs);
+        let force = if drive.still { 0.0 } else { noise.force_offset };
+        let drift = [noise.gyro_bias, noise.accel_bias, noise.accel_bias, noise.accel_bias, 0.0, force];
+        add_drift(&mut belief.covariance, dt, biased_gravity::GYRO_BIAS, drift);
     }
-    fn observe(&self, chair: &Chair, x: &gravity::State, drive: &Drive) -> Expected<8> {
-        let (output, jacobian) = gravity::observe(chair, x, &drive.command, drive.still);
+    fn observe(&self, chair: &Chair, x: &biased_gravity::State, drive: &Drive) -> Expected<14> {
+        let (output, jacobian) = biased_gravity::observe(chair, x, &drive.command, drive.still);
         let [pitching, rolling] = gravity::tilt_levers(chair);
         Expected { output, jacobian, tilt_noise: outer(pitching) + outer(rolling) }
     }

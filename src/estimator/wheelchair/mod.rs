@@ -5,10 +5,10 @@
 //!
 //! | kind | states | for |
 //! |---|---|---|
-//! | `basic` | 6 | calibrated sensors; misses slopes and is overconfident with biased ones |
+//! | `basic` | 6 | calibrated sensors and forces; misses slopes and is overconfident with others |
 //! | `bias` (default) | 13 | unknown biases of gyro and accelerometer, force and mass not quite right |
 //! | `acceleration_input` | 11 | force not or badly known: the measured acceleration drives the motion |
-//! | `gravity_vector` | 8 | direction of the contour line unknown at the start |
+//! | `gravity_vector` | 14 | as `bias`, the direction of the contour line unknown at the start |
 //!
 //! # What cannot be observed
 //! On flat ground nothing tells the heading against the contour line: it rests on the initial heading
@@ -18,7 +18,7 @@
 //! slope and accelerometer bias cannot be told apart (0.05 m/s^2 look like 5 mrad). A slope that
 //! appears as a step, without rotation that the gyro could see, is found late or not at all. A constant
 //! force that nobody reports and the bias of the accelerometer ahead look like slope too, until the drive
-//! force changes; `bias` carries the force's errors as states, the other kinds take force and mass as true.
+//! force changes; `bias` and `gravity_vector` carry the force's errors as states, `basic` takes force and mass as true.
 
 mod forms;
 pub mod observer;
@@ -39,7 +39,7 @@ use crate::estimator::{Estimator, StateError};
 use crate::filter::belief::Belief;
 use crate::filter::consistency::Strain;
 use crate::filter::ekf::NotPositiveDefinite;
-use crate::model::wheelchair::{self as model, Chair, Command, gravity};
+use crate::model::wheelchair::{self as model, Chair, Command, biased_gravity, gravity};
 use crate::{ParameterError, Status};
 use nalgebra::SVector;
 use observer::{Drive, Observer, Sample, Update};
@@ -60,7 +60,7 @@ pub enum ChairBelief {
     /// `bias` and `acceleration_input`
     Biased(Belief<13>),
     /// `gravity_vector`
-    Gravity(Belief<8>),
+    Gravity(Belief<14>),
 }
 
 /// Everything that a step changes.
@@ -137,9 +137,16 @@ impl Wheelchair {
             }
             Kind::GravityVector => {
                 let ((sa, ca), tilt) = (p.heading.sin_cos(), p.slope.sin());
-                let mean = gravity::State::from([0.0, p.heading, p.speed, 0.0, tilt * sa, tilt * ca, 0.0, 0.0]);
+                let chair = gravity::State::from([0.0, p.heading, p.speed, 0.0, tilt * sa, tilt * ca, 0.0, 0.0]);
                 let [s, alpha, v, r, xi, w]: [f64; 6] = variances.into();
-                ChairBelief::Gravity(Belief::new(mean, &gravity::State::from([s, alpha, v, r, xi, xi, w, w])))
+                let (mut mean, mut all) = (biased_gravity::State::zeros(), biased_gravity::State::zeros());
+                mean.fixed_rows_mut::<8>(0).copy_from(&chair);
+                mean.fixed_rows_mut::<4>(8).copy_from(&SVector::from(biases(p)));
+                all.fixed_rows_mut::<8>(0).copy_from(&gravity::State::from([s, alpha, v, r, xi, xi, w, w]));
+                let accel = p.accel_bias_std;
+                let errors = [p.gyro_bias_std, accel, accel, accel, p.force_gain_std, p.force_offset_std];
+                all.fixed_rows_mut::<6>(8).copy_from(&SVector::from(errors).map(|s| s * s));
+                ChairBelief::Gravity(Belief::new(mean, &all))
             }
         }
     }
@@ -257,8 +264,8 @@ impl Estimator for Wheelchair {
                 accel: bands.accel_band,
             },
             calibration: match parameters.filter.kind {
-                Kind::Bias | Kind::AccelerationInput => [0.0; 4],
-                Kind::Basic | Kind::GravityVector => biases(&parameters.initial),
+                Kind::Basic => biases(&parameters.initial),
+                Kind::Bias | Kind::AccelerationInput | Kind::GravityVector => [0.0; 4],
             },
             chair,
             initial,

@@ -111,9 +111,9 @@ crate::variables! {
         accel_bias_std: f64 = 0.1, "m/s2", [1e-9, 10.0];
         /// Standard deviation of the heading at which the encoders read zero. If it is not small use the kind gravity_vector, which needs no heading.
         heading_offset_std: f64 = 1e-6, "rad", [1e-9, 10.0];
-        /// Standard deviation of the drive force's relative error, that of the mass included; 0 = exact. Only with the kind bias.
+        /// Standard deviation of the drive force's relative error, that of the mass included; 0 = exact. With the kinds bias and gravity_vector.
         force_gain_std: f64 = 0.1, "1", [0.0, 10.0];
-        /// Standard deviation of the force that nobody reports, such as unknown rolling resistance or a push; 0 = none. Only with the kind bias.
+        /// Standard deviation of the force that nobody reports, such as unknown rolling resistance or a push; 0 = none. With the kinds bias and gravity_vector.
         force_offset_std: f64 = 3.0, "N", [0.0, 1e4];
     }
 }
@@ -143,7 +143,7 @@ crate::variables! {
         accel_bias: f64 = 1e-6, "m2/s5", [0.0, 1.0], tunable;
         /// Density of the drift of the heading against the encoders, from slipping wheels.
         heading_offset: f64 = 0.0, "rad2/s", [0.0, 1.0], tunable;
-        /// Density of the drift of the force that nobody reports; only with the kind bias.
+        /// Density of the drift of the force that nobody reports; with the kinds bias and gravity_vector.
         force_offset: f64 = 4.0, "N2/s", [0.0, 1e6], tunable;
     }
 }
@@ -169,7 +169,7 @@ crate::variables! {
     pub struct FilterParameters {
         /// Equations: full = Newton-Euler with resistance terms, paper = those of Oh and Hori, corrected.
         model: Model = Model::Full, "1";
-        /// State: basic = 6 states, bias = with biases of the sensors and errors of the drive force, acceleration_input = with biases of the sensors and the measured acceleration in place of the drive force, gravity_vector = without need of an initial heading.
+        /// State: basic = 6 states, bias = with biases of the sensors and errors of the drive force, acceleration_input = with biases of the sensors and the measured acceleration in place of the drive force, gravity_vector = as bias, without need of an initial heading.
         kind: Kind = Kind::Bias, "1";
         /// Whether a chair that does not move is recognised, for which brakes and static friction are then allowed.
         detect_standstill: bool = true, "1", tunable;

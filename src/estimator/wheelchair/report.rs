@@ -3,7 +3,7 @@
 use super::observer::Drive;
 use super::{ChairBelief, Inputs, Outputs, Wheelchair};
 use crate::filter::belief::Belief;
-use crate::model::wheelchair::{self as model, Command, gravity, pitch};
+use crate::model::wheelchair::{self as model, Command, biased_gravity, gravity, pitch};
 use nalgebra::SVector;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -29,7 +29,7 @@ impl Wheelchair {
             ChairBelief::Basic(filter) => (filter.mean[model::XI], filter.std(model::XI)),
             ChairBelief::Biased(filter) => (filter.mean[model::XI], filter.std(model::XI)),
             ChairBelief::Gravity(filter) => {
-                let attitude = gravity::attitude(&filter.mean, &filter.covariance);
+                let attitude = attitude(&filter.mean, filter);
                 (attitude.slope, attitude.slope_std)
             }
         };
@@ -57,11 +57,14 @@ impl Wheelchair {
             ChairBelief::Biased(filter) => {
                 let mean = self.biased.carry_forward(&filter.mean, ahead, &drive);
                 self.report_chair(&mean, filter, outputs);
-                report_biases(&mean, filter, outputs);
+                report_biases(&mean, filter, [model::GYRO_BIAS, model::FORCE_GAIN], outputs);
+                outputs.heading_offset = mean[model::HEADING_OFFSET];
+                outputs.heading_offset_std = filter.std(model::HEADING_OFFSET);
             }
             ChairBelief::Gravity(filter) => {
                 let mean = self.gravity.carry_forward(&filter.mean, ahead, &drive);
                 report_gravity(&mean, filter, outputs);
+                report_biases(&mean, filter, [biased_gravity::GYRO_BIAS, biased_gravity::FORCE_GAIN], outputs);
             }
         }
         let state = &self.state;
@@ -99,19 +102,28 @@ impl Wheelchair {
     }
 }
 
-fn report_biases(x: &model::BiasedState, belief: &Belief<13>, outputs: &mut Outputs) {
+/// Biases of the four sensors from `sensors` on, errors of the force from `force` on.
+fn report_biases<const N: usize>(
+    x: &SVector<f64, N>,
+    belief: &Belief<N>,
+    [sensors, force]: [usize; 2],
+    outputs: &mut Outputs,
+) {
     let told = |index: usize| (x[index], belief.std(index));
-    (outputs.gyro_bias, outputs.gyro_bias_std) = told(model::GYRO_BIAS);
-    (outputs.accel_x_bias, outputs.accel_x_bias_std) = told(model::ACCEL_X_BIAS);
-    (outputs.accel_y_bias, outputs.accel_y_bias_std) = told(model::ACCEL_X_BIAS + 1);
-    (outputs.accel_z_bias, outputs.accel_z_bias_std) = told(model::ACCEL_X_BIAS + 2);
-    (outputs.heading_offset, outputs.heading_offset_std) = told(model::HEADING_OFFSET);
-    (outputs.force_gain_error, outputs.force_gain_error_std) = told(model::FORCE_GAIN);
-    (outputs.force_offset, outputs.force_offset_std) = told(model::FORCE_OFFSET);
+    (outputs.gyro_bias, outputs.gyro_bias_std) = told(sensors);
+    (outputs.accel_x_bias, outputs.accel_x_bias_std) = told(sensors + 1);
+    (outputs.accel_y_bias, outputs.accel_y_bias_std) = told(sensors + 2);
+    (outputs.accel_z_bias, outputs.accel_z_bias_std) = told(sensors + 3);
+    (outputs.force_gain_error, outputs.force_gain_error_std) = told(force);
+    (outputs.force_offset, outputs.force_offset_std) = told(force + 1);
 }
 
-fn report_gravity(mean: &gravity::State, filter: &Belief<8>, outputs: &mut Outputs) {
-    let attitude = gravity::attitude(mean, &filter.covariance);
+fn attitude(x: &biased_gravity::State, belief: &Belief<14>) -> gravity::Attitude {
+    gravity::attitude(&biased_gravity::chair_state(x), &belief.covariance.fixed_view::<8, 8>(0, 0).into_owned())
+}
+
+fn report_gravity(mean: &biased_gravity::State, filter: &Belief<14>, outputs: &mut Outputs) {
+    let attitude = attitude(mean, filter);
     (outputs.distance, outputs.distance_std) = (mean[gravity::S], filter.std(gravity::S));
     (outputs.speed, outputs.speed_std) = (mean[gravity::V], filter.std(gravity::V));
     (outputs.yaw_rate, outputs.yaw_rate_std) = (mean[gravity::R], filter.std(gravity::R));

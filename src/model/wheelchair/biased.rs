@@ -15,8 +15,7 @@ pub type BiasedState = SVector<f64, 13>;
 
 /// Index of the gyro's bias, rad/s; those of the accelerometer's three axes, m/s^2, follow.
 pub const GYRO_BIAS: usize = 6;
-/// Index of the accelerometer's bias ahead, m/s^2.
-pub const ACCEL_X_BIAS: usize = 7;
+const ACCEL_X_BIAS: usize = 7;
 /// Index of the error of the encoders' heading reference, rad.
 pub const HEADING_OFFSET: usize = 10;
 /// Index of the error of the drive force's gain, 1.

@@ -42,13 +42,14 @@
 //! does not slip sideways, and `xi''` enters the accelerometer only as noise ([`tilt_lever`]).
 
 mod biased;
+pub mod biased_gravity;
 mod encoder;
 pub mod gravity;
 mod motion;
 mod sensors;
 
 pub use biased::{
-    ACCEL_X_BIAS, BiasedState, FORCE_GAIN, FORCE_OFFSET, GYRO_BIAS, HEADING_OFFSET, acceleration_driven,
+    BiasedState, FORCE_GAIN, FORCE_OFFSET, GYRO_BIAS, HEADING_OFFSET, acceleration_driven,
     acceleration_driven_linearise, biased_derivative, biased_linearise, biased_observe, biased_output,
 };
 pub use encoder::{Unwrapper, wheel_angles, wheel_travel};

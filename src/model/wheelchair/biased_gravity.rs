@@ -1,0 +1,83 @@
+//! The direction of gravity with what sensors and drive get wrong: `[x, b_g, b_ax, b_ay, b_az, k_f, c_f]`.
+//!
+//! `x` is that of [`gravity`], the others as in [`BiasedState`](super::BiasedState); the heading needs no
+//! offset, as it does not come from the encoders.
+
+use super::gravity::{self, V};
+use super::{Chair, Command, Output};
+use nalgebra::{SMatrix, SVector};
+
+/// State `[s, psi, v, r, gx, gy, wp, wr, b_g, b_ax, b_ay, b_az, k_f, c_f]`; biases in rad/s and m/s^2, the
+/// force's gain error as a share, its offset in N.
+pub type State = SVector<f64, 14>;
+
+/// Index of the gyro's bias, rad/s; those of the accelerometer's three axes, m/s^2, follow.
+pub const GYRO_BIAS: usize = 8;
+/// Index of the error of the drive force's gain, 1.
+pub const FORCE_GAIN: usize = 12;
+/// Index of the force that nobody reports, N.
+pub const FORCE_OFFSET: usize = 13;
+
+/// The state without biases and force errors.
+pub fn chair_state(x: &State) -> gravity::State {
+    x.fixed_rows::<8>(0).into_owned()
+}
+
+/// What acts on the chair when `u` is reported.
+fn acting(x: &State, u: &Command) -> Command {
+    Command::new((1.0 + x[FORCE_GAIN]) * u[0] + x[FORCE_OFFSET], u[1])
+}
+
+/// How the force's errors change `v'`.
+fn force_gradient(chair: &Chair, u: &Command, still: bool) -> [(usize, f64); 2] {
+    let per_force = if still { 0.0 } else { 1.0 / chair.inertial_mass() };
+    [(FORCE_GAIN, u[0] * per_force), (FORCE_OFFSET, per_force)]
+}
+
+fn without_biases(rate: &gravity::State) -> State {
+    let mut all = State::zeros();
+    all.fixed_rows_mut::<8>(0).copy_from(rate);
+    all
+}
+
+fn with_biases(x: &State, mut y: Output) -> Output {
+    for k in 0..4 {
+        y[2 + k] += x[GYRO_BIAS + k];
+    }
+    y
+}
+
+/// `x' = f(x, u)` of [`gravity::derivative`]; biases stay as they are.
+pub fn derivative(chair: &Chair, x: &State, u: &Command, still: bool) -> State {
+    without_biases(&gravity::derivative(chair, &chair_state(x), &acting(x, u), still))
+}
+
+/// [`derivative`] and the Jacobian of its first six rows at the price of one; the others are zero.
+pub fn linearise(chair: &Chair, x: &State, u: &Command, still: bool) -> (State, SMatrix<f64, 6, 14>) {
+    let (rate, jacobian) = gravity::linearise(chair, &chair_state(x), &acting(x, u), still);
+    let mut all = SMatrix::<f64, 6, 14>::zeros();
+    all.fixed_columns_mut::<8>(0).copy_from(&jacobian);
+    for (column, slope) in force_gradient(chair, u, still) {
+        all[(V, column)] = slope;
+    }
+    (without_biases(&rate), all)
+}
+
+/// `y = h(x, u)` of [`gravity::output`] with biases.
+pub fn output(chair: &Chair, x: &State, u: &Command, still: bool) -> Output {
+    with_biases(x, gravity::output(chair, &chair_state(x), &acting(x, u), still))
+}
+
+/// [`output`] and its Jacobian at the price of one.
+pub fn observe(chair: &Chair, x: &State, u: &Command, still: bool) -> (Output, SMatrix<f64, 6, 14>) {
+    let (y, seen) = gravity::observe(chair, &chair_state(x), &acting(x, u), still);
+    let mut jacobian = SMatrix::<f64, 6, 14>::zeros();
+    jacobian.fixed_columns_mut::<8>(0).copy_from(&seen);
+    for k in 0..4 {
+        jacobian[(2 + k, GYRO_BIAS + k)] = 1.0;
+    }
+    for (column, slope) in force_gradient(chair, u, still) {
+        jacobian[(3, column)] = slope; // a_x contains v'
+    }
+    (with_biases(x, y), jacobian)
+}
