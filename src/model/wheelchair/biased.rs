@@ -6,7 +6,10 @@
 //! that of the mass, `c_f` what nobody reports, rolling resistance or a push. The source has none of
 //! them; known exactly (`k_f = c_f = 0`) the last two leave the state of eleven.
 
-use super::{ALPHA, Chair, Command, Observation, Output, R, State, V, W, XI, derivative, linearise, observe, output};
+use super::{
+    ALPHA, Chair, Command, Observation, Output, R, State, V, W, XI, acting_command, derivative, force_gradient,
+    linearise, observe, output,
+};
 use nalgebra::{SMatrix, SVector};
 
 /// State `[s, alpha, v, r, xi, w, b_g, b_ax, b_ay, b_az, a_off, k_f, c_f]`; biases in rad/s, m/s^2 and rad,
@@ -27,15 +30,8 @@ fn chair_state(x: &BiasedState) -> State {
     x.fixed_rows::<6>(0).into_owned()
 }
 
-/// What acts on the chair when `u` is reported.
 fn acting(x: &BiasedState, u: &Command) -> Command {
-    Command::new((1.0 + x[FORCE_GAIN]) * u[0] + x[FORCE_OFFSET], u[1])
-}
-
-/// How the force's errors change `v'`.
-fn force_gradient(chair: &Chair, u: &Command, still: bool) -> [(usize, f64); 2] {
-    let per_force = if still { 0.0 } else { 1.0 / chair.inertial_mass() };
-    [(FORCE_GAIN, u[0] * per_force), (FORCE_OFFSET, per_force)]
+    acting_command(u, x[FORCE_GAIN], x[FORCE_OFFSET])
 }
 
 fn without_biases(rate: &State) -> BiasedState {
@@ -59,9 +55,7 @@ pub fn biased_linearise(
     let (rate, jacobian) = linearise(chair, &chair_state(x), &acting(x, u), still);
     let mut all = SMatrix::<f64, 5, 13>::zeros();
     all.fixed_columns_mut::<6>(0).copy_from(&jacobian);
-    for (column, slope) in force_gradient(chair, u, still) {
-        all[(V, column)] = slope;
-    }
+    all.fixed_view_mut::<1, 2>(V, FORCE_GAIN).copy_from(&force_gradient(chair, u, still));
     (without_biases(&rate), all)
 }
 
@@ -89,9 +83,7 @@ pub fn biased_observe(chair: &Chair, x: &BiasedState, u: &Command, still: bool) 
     for k in 0..4 {
         jacobian[(2 + k, GYRO_BIAS + k)] = 1.0;
     }
-    for (column, slope) in force_gradient(chair, u, still) {
-        jacobian[(3, column)] = slope; // a_x contains v'
-    }
+    jacobian.fixed_view_mut::<1, 2>(3, FORCE_GAIN).copy_from(&force_gradient(chair, u, still)); // a_x contains v'
     Observation { output: with_biases(chair, x, seen.output), jacobian, tilt_lever: seen.tilt_lever }
 }
 
@@ -123,9 +115,7 @@ pub fn acceleration_driven_linearise(
         for column in [ALPHA, V, R, XI, W] {
             jacobian[(V, column)] -= seen.jacobian[(3, column)];
         }
-        for (column, _) in force_gradient(chair, u, still) {
-            jacobian[(V, column)] = 0.0;
-        }
+        jacobian.fixed_view_mut::<1, 2>(V, FORCE_GAIN).fill(0.0);
         jacobian[(V, ACCEL_X_BIAS)] = -1.0;
     }
     (rate, jacobian)

@@ -4,7 +4,7 @@
 //! offset, as it does not come from the encoders.
 
 use super::gravity::{self, V};
-use super::{Chair, Command, Output};
+use super::{Chair, Command, Output, acting_command, force_gradient};
 use nalgebra::{SMatrix, SVector};
 
 /// State `[s, psi, v, r, gx, gy, wp, wr, b_g, b_ax, b_ay, b_az, k_f, c_f]`; biases in rad/s and m/s^2, the
@@ -23,15 +23,8 @@ pub fn chair_state(x: &State) -> gravity::State {
     x.fixed_rows::<8>(0).into_owned()
 }
 
-/// What acts on the chair when `u` is reported.
 fn acting(x: &State, u: &Command) -> Command {
-    Command::new((1.0 + x[FORCE_GAIN]) * u[0] + x[FORCE_OFFSET], u[1])
-}
-
-/// How the force's errors change `v'`.
-fn force_gradient(chair: &Chair, u: &Command, still: bool) -> [(usize, f64); 2] {
-    let per_force = if still { 0.0 } else { 1.0 / chair.inertial_mass() };
-    [(FORCE_GAIN, u[0] * per_force), (FORCE_OFFSET, per_force)]
+    acting_command(u, x[FORCE_GAIN], x[FORCE_OFFSET])
 }
 
 fn without_biases(rate: &gravity::State) -> State {
@@ -57,9 +50,7 @@ pub fn linearise(chair: &Chair, x: &State, u: &Command, still: bool) -> (State, 
     let (rate, jacobian) = gravity::linearise(chair, &chair_state(x), &acting(x, u), still);
     let mut all = SMatrix::<f64, 6, 14>::zeros();
     all.fixed_columns_mut::<8>(0).copy_from(&jacobian);
-    for (column, slope) in force_gradient(chair, u, still) {
-        all[(V, column)] = slope;
-    }
+    all.fixed_view_mut::<1, 2>(V, FORCE_GAIN).copy_from(&force_gradient(chair, u, still));
     (without_biases(&rate), all)
 }
 
@@ -76,8 +67,6 @@ pub fn observe(chair: &Chair, x: &State, u: &Command, still: bool) -> (Output, S
     for k in 0..4 {
         jacobian[(2 + k, GYRO_BIAS + k)] = 1.0;
     }
-    for (column, slope) in force_gradient(chair, u, still) {
-        jacobian[(3, column)] = slope; // a_x contains v'
-    }
+    jacobian.fixed_view_mut::<1, 2>(3, FORCE_GAIN).copy_from(&force_gradient(chair, u, still)); // a_x contains v'
     (with_biases(x, y), jacobian)
 }

@@ -56,7 +56,7 @@ pub use encoder::{Unwrapper, wheel_angles, wheel_travel};
 pub use motion::{derivative, linearise};
 pub use sensors::{Observation, encoder_covariance, observe, output, pitch, tilt_lever};
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{RowVector2, SMatrix, SVector};
 
 /// State `[s, alpha, v, r, xi, w]`.
 pub type State = SVector<f64, 6>;
@@ -182,6 +182,18 @@ impl Chair {
             Dynamics::Full => about_axle + self.rotating_inertia,
         }
     }
+}
+
+/// What acts on the chair when `u` is reported: the force's gain is wrong by a share, and some of it in N is not
+/// reported at all.
+fn acting_command(u: &Command, gain_error: f64, offset: f64) -> Command {
+    Command::new((1.0 + gain_error) * u[0] + offset, u[1])
+}
+
+/// How gain error and offset of the force change `v'`.
+fn force_gradient(chair: &Chair, u: &Command, still: bool) -> RowVector2<f64> {
+    let per_force = if still { 0.0 } else { 1.0 / chair.inertial_mass() };
+    RowVector2::new(u[0] * per_force, per_force)
 }
 
 /// `v'` and `r'` with their gradients over `[alpha, v, r, xi]`; what motion and sensors share.
