@@ -4,7 +4,7 @@
 
 use crate::clock::Clock;
 use crate::machine::Machine;
-use crate::model::{Model, Place, Type, check_parameter, offset};
+use crate::model::{Model, Place, Type, check_parameter, from_fmi, to_fmi};
 use crate::phase::{Call, Phase};
 use crate::snapshot::Snapshots;
 use serde::{Deserialize, Serialize};
@@ -236,7 +236,7 @@ impl Instance {
             if Type::of(variable.kind) != class {
                 return Err(wrong_type(&variable.name, Type::of(variable.kind), class));
             }
-            put(i, values[index] + offset(variable.kind));
+            put(i, to_fmi(variable.kind, values[index]));
         }
         Ok(())
     }
@@ -262,10 +262,10 @@ impl Instance {
         for (i, &reference) in references.iter().enumerate() {
             match self.model.place(reference) {
                 Some(Place::Parameter(index)) => {
-                    self.core.parameters[index] = value(i) - offset(self.model.parameters[index].kind);
+                    self.core.parameters[index] = from_fmi(self.model.parameters[index].kind, value(i));
                 }
                 Some(Place::Input(index)) => {
-                    self.core.inputs[index] = value(i) - offset(self.model.inputs[index].kind);
+                    self.core.inputs[index] = from_fmi(self.model.inputs[index].kind, value(i));
                     self.core.slopes[index] = 0.0;
                 }
                 _ => {}
@@ -293,7 +293,7 @@ impl Instance {
             let text = format!("{name} is a fixed parameter and can be set only before fmi2ExitInitializationMode");
             return Err(Refusal::error(text));
         }
-        check_parameter(variable, value - offset(variable.kind)).map_err(Refusal::error)
+        check_parameter(variable, from_fmi(variable.kind, value)).map_err(Refusal::error)
     }
 
     /// Measured inputs take any number, for the estimator judges each sample; others must be finite.
@@ -306,7 +306,7 @@ impl Instance {
                 "{} = {value} is not finite, and this input cannot be missing; give a number in {}",
                 variable.name, variable.unit
             ))),
-            _ => check_parameter(variable, value - offset(variable.kind)).map_err(Refusal::error),
+            _ => check_parameter(variable, from_fmi(variable.kind, value)).map_err(Refusal::error),
         }
     }
 

@@ -59,9 +59,14 @@ impl Type {
     }
 }
 
-/// The number that FMI's 1-based enumerations add to a value.
-pub fn offset(kind: Kind) -> f64 {
-    if matches!(kind, Kind::Choice(_)) { 1.0 } else { 0.0 }
+/// A value as FMI numbers it: enumerations count from 1. All others keep every bit, so that -0.0 does.
+pub fn to_fmi(kind: Kind, value: f64) -> f64 {
+    if matches!(kind, Kind::Choice(_)) { value + 1.0 } else { value }
+}
+
+/// The value behind a number of FMI, the inverse of [`to_fmi`].
+pub fn from_fmi(kind: Kind, number: f64) -> f64 {
+    if matches!(kind, Kind::Choice(_)) { number - 1.0 } else { number }
 }
 
 /// A model: what its FMU consists of.
