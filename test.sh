@@ -9,16 +9,22 @@ step() { printf '\n\033[1m== %s\033[0m\n' "$*"; }
 step "format"
 cargo fmt --all --check
 
+step "Python environment, beside the build"
+source tests/fmpy/environment.sh
+.venv/bin/pip install --quiet --disable-pip-version-check -r tests/fmpy/requirements.txt &
+environment=$!
+
 step "lints"
-cargo clippy --workspace --all-targets --quiet -- -D warnings
+cargo clippy "${workspace[@]}" --all-targets --quiet -- -D warnings
 
 step "Rust tests"
-cargo test --workspace --quiet
+cargo test "${workspace[@]}" --quiet
 
 step "documentation"
-RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --quiet
+RUSTDOCFLAGS="-D warnings" cargo doc "${workspace[@]}" --no-deps --quiet
 
 step "FMUs and commands from Python"
+wait "$environment"
 tests/fmpy/run.sh
 
 step "all passed"

@@ -5,15 +5,10 @@ set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 cd "$here/../.."
 
-[ -x .venv/bin/python ] || python3 -m venv .venv
+source "$here/environment.sh"
 .venv/bin/pip install --quiet --disable-pip-version-check -r "$here/requirements.txt"
-
-# bindgen, below the `fmi` crate, wants a libclang and the compiler's own headers
-site=$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
-export LIBCLANG_PATH="${LIBCLANG_PATH:-$site/clang/native}"
-export BINDGEN_EXTRA_CLANG_ARGS="${BINDGEN_EXTRA_CLANG_ARGS:--I$(cc -print-file-name=include)}"
-cargo build --quiet -p wheelstate-fmu --features import --bins --lib --example native
-cargo build --quiet -p wheelstate-identify
+# The example makes Cargo choose the features as for tests.
+cargo build --quiet "${workspace[@]}" --lib --bins --example native
 
 target=$(cargo metadata --format-version 1 --no-deps | .venv/bin/python -c 'import json,sys; print(json.load(sys.stdin)["target_directory"])')
 fmus=$(mktemp -d)
