@@ -45,6 +45,11 @@ impl Default for Noise {
     }
 }
 
+/// An impact ahead takes no more samples than this; what lasts longer is a force that nobody reported.
+const LONGEST_IMPACT: u32 = 3;
+/// Row of the accelerometer ahead.
+const AHEAD: usize = 3;
+
 /// Limits of sensors and steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
@@ -56,11 +61,13 @@ pub struct Limits {
     pub substep: f64,
     /// Longest step that is taken at all, s.
     pub longest_step: f64,
+    /// Beyond this many standard deviations an accelerometer's row counts the less the further off it is; 0 = never.
+    pub impact: f64,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { accel: 39.2, gyro: 8.7, substep: 0.02, longest_step: 1.0 }
+        Self { accel: 39.2, gyro: 8.7, substep: 0.02, longest_step: 1.0, impact: 0.0 }
     }
 }
 
@@ -219,11 +226,13 @@ impl<F> Observer<F> {
     where
         F: Form<N, K, P>,
     {
-        let rows = self.rows(belief, sample, drive);
+        let mut rows = self.rows(belief, sample, drive);
+        let weighed = self.limits.impact > 0.0 && self.gate.deviations <= 0.0;
+        let impact = if weighed { self.weigh_down_impacts(belief, &mut rows, &mut counters[AHEAD]) } else { 0.0 };
         let before = drive.still.then_some(*belief);
         let sensors = ekf::update(belief, &rows, Some((self.gate, counters)))?;
         let Some(before) = before else {
-            return Ok(Update { nis: sensors.nis, dof: sensors.dof, sensors });
+            return Ok(Update { nis: sensors.nis + impact, dof: sensors.dof, sensors });
         };
         // Independent of the sensors' noise and linear: updating in turn equals stacking the rows.
         let mut at_rest = Rows {
@@ -237,7 +246,7 @@ impl<F> Observer<F> {
             at_rest.jacobian[(row, state)] = 1.0;
         }
         let rest = ekf::update(belief, &at_rest, None).inspect_err(|_| *belief = before)?;
-        let nis = rest.nis + if sensors.dof > 0 { sensors.nis } else { 0.0 };
+        let nis = rest.nis + if sensors.dof > 0 { sensors.nis + impact } else { 0.0 };
         Ok(Update { nis, dof: sensors.dof + rest.dof, sensors })
     }
 
@@ -299,6 +308,43 @@ impl<F> Observer<F> {
         used[1] &= sample.single_wheel.is_none();
         used[3] &= !self.form.driven_by_acceleration() || drive.still;
         Rows { innovation, jacobian, noise, used }
+    }
+
+    /// On a kerb or a ramp's edge the axle's path bends and the accelerometer feels impacts, which the model has not:
+    /// the noise of a row that is more than `impact` deviations off becomes what makes it just that many. The state
+    /// then takes the less of the innovation the further off it is, and no row is thrown away for good. `hits_ahead`
+    /// counts the samples in a row that were off ahead (without a gate nothing else uses that counter). Returns what
+    /// that takes from the normalised innovation squared, which is to tell of impacts all the same.
+    fn weigh_down_impacts<const N: usize>(
+        &self,
+        belief: &Belief<N>,
+        rows: &mut Rows<N, 6>,
+        hits_ahead: &mut u32,
+    ) -> f64 {
+        let most = self.limits.impact * self.limits.impact;
+        let mut taken = 0.0;
+        let mut hit_ahead = false;
+        for row in (3..6).filter(|&row| rows.used[row]) {
+            let (square, noise) = (rows.innovation[row] * rows.innovation[row], rows.noise[(row, row)]);
+            // what is further off than any impact is a filter gone astray
+            if !(square > most * noise && square < 1e6) {
+                continue;
+            }
+            let h = rows.jacobian.row(row);
+            let known = (h * belief.covariance).dot(&h);
+            let times = square / (known + noise);
+            if times <= most {
+                continue;
+            }
+            hit_ahead |= row == AHEAD;
+            if row == AHEAD && *hits_ahead >= LONGEST_IMPACT {
+                continue; // a force, to be learned
+            }
+            rows.noise[(row, row)] = square / most - known;
+            taken += times - most;
+        }
+        *hits_ahead = if hit_ahead { hits_ahead.saturating_add(1) } else { 0 };
+        taken
     }
 }
 

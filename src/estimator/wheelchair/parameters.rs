@@ -177,6 +177,8 @@ crate::variables! {
         canonical_slope: bool = false, "1", tunable;
         /// Rejects a channel beyond this many standard deviations of its prediction; 0 = never.
         gate: f64 = 0.0, "1", [0.0, 1e6], tunable;
+        /// Beyond this many standard deviations of its prediction an accelerometer's sample counts the less the further off it is, as on a kerb or a ramp's edge; 0 = it always counts in full. Without effect if a gate is set.
+        impact: f64 = 4.0, "1", [0.0, 1e6], tunable;
         /// After this many rejections in a row one sample is accepted.
         gate_patience: i32 = 10, "1", [0, 1_000_000], tunable;
         /// Process noise.
@@ -308,7 +310,8 @@ impl Parameters {
 
     /// Limits of sensors and steps.
     pub fn limits(&self) -> Limits {
-        Limits { accel: self.limit.accel, gyro: self.limit.gyro, ..Limits::default() }
+        let impact = self.filter.impact;
+        Limits { accel: self.limit.accel, gyro: self.limit.gyro, impact, ..Limits::default() }
     }
 
     /// The gate.
