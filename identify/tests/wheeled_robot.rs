@@ -225,15 +225,15 @@ fn every_second_sample_missing() {
     assert!(cost < 1.18);
 }
 
-/// The default noise of accel_y is the accelerometer's alone. That of the steering angle moves the force which the
-/// model expects; unsaid, speed_y_std is too small, and said it is right and the estimate better.
+/// The noise of the steering angle moves the force which the model expects; unsaid, as in the source, speed_y_std is
+/// too small, and said it is right and the estimate better.
 #[test]
 fn the_noise_of_the_steering_angle_belongs_to_the_lateral_acceleration() {
     for scenario in SCENARIOS {
         let logs = seeds(scenario, 3);
-        let p = parameters(scenario, Channels::WheelSpeed);
-        let mut told = p.clone();
-        told.filter.measurement_std.accel_y = f64::hypot(0.1, 2.0 * p.tire.front.stiffness * 0.003 / p.vehicle.mass);
+        let told = parameters(scenario, Channels::WheelSpeed);
+        let mut p = told.clone();
+        p.filter.steering_std = 0.0;
         let claimed = |p: &Parameters| mean(&logs, |log| claimed_errors(log, &run(log, p)));
         let (before, after) = (claimed(&p), claimed(&told));
         let (error, better) = (mean_errors(&logs, &p)[1], mean_errors(&logs, &told)[1]);

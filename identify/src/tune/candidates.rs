@@ -4,8 +4,6 @@ use crate::vehicle::Vehicle;
 use wheelstate::variable::Kind;
 use wheelstate::{Variable, Variables, estimator::wheeled_robot};
 
-/// Standard deviation of a steering angle that limits how well any model predicts, rad.
-const STEERING_STD: f64 = 0.003;
 /// Least share of a measurement's data-sheet noise (its start value).
 const MEASUREMENT_SHARE: f64 = 0.7;
 /// Least share of a process noise whose physics are not known here.
@@ -80,17 +78,17 @@ fn physical_floors(vehicle: Vehicle, base: &[f64]) -> Vec<(String, f64)> {
     if vehicle != Vehicle::WheeledRobot {
         return Vec::new();
     }
-    // (2 sigma_F/m, Kf sigma_delta/m, lf Kf sigma_delta/Iz) dt, Kf of both front wheels
+    // (2 sigma_F/m, Kf sigma_delta/m, lf Kf sigma_delta/Iz) dt, Kf of both front wheels: no model predicts better
     let mut p = wheeled_robot::Parameters::default();
     p.read(base);
     let (v, o, dt) = (&p.vehicle, &p.observer, p.sample_period);
     let kappa = (o.gain + o.amplitude * o.width).min(1.9 / dt);
     let force = p.wheel.inertia / p.wheel.radius * kappa * o.wheel_speed_std * (2.0 / (2.0 - kappa * dt)).sqrt();
-    let stiffness = 2.0 * p.tire.front.stiffness;
+    let steering = 2.0 * p.tire.front.stiffness * p.filter.steering_std;
     [
         ("filter.process_std.speed_x", 2.0 * force / v.mass),
-        ("filter.process_std.speed_y", stiffness * STEERING_STD / v.mass),
-        ("filter.process_std.yaw_rate", v.cg_to_front * stiffness * STEERING_STD / v.yaw_inertia),
+        ("filter.process_std.speed_y", steering / v.mass),
+        ("filter.process_std.yaw_rate", v.cg_to_front * steering / v.yaw_inertia),
     ]
     .map(|(name, rate)| (name.to_owned(), rate * dt))
     .to_vec()

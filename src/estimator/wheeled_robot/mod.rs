@@ -12,11 +12,10 @@
 //! A constant error of a torque cannot be seen: it goes into the force as `b/R`. Lateral speed rests
 //! on the tyre's parameters; their errors are not in the standard deviations.
 //!
-//! By default neither is the noise of the steering angle, which moves the lateral acceleration that the model
-//! expects: with 0.003 rad the robot's `speed_y` errs by 1.4 to 1.7 times `speed_y_std`. With
-//! `filter.measurement_std.accel_y = hypot(0.1, 2 K0 0.003/m) = 0.166` m/s² it errs by 0.9 to 1.0 times, and
-//! less. Slip of the wheels is an error of the measured speed: in hard braking a car's `speed_x` errs by five times
-//! `speed_x_std` unless `wheel.slip_stiffness` or `filter.measurement_std.speed` says so.
+//! The noise of the steering angle, which moves the lateral acceleration that the model expects, counts as noise of
+//! `accel_y` (`filter.steering_std`; the source leaves it out, and the robot's `speed_y` then errs by 1.4 to 1.7
+//! times its deviation). Slip of the wheels is an error of the measured speed: in hard braking a car's `speed_x` errs
+//! by five times `speed_x_std` unless `wheel.slip_stiffness` or `filter.measurement_std.speed` says so.
 //!
 //! # Columns that are missing
 //! Without any torque the forces are those that explain the longitudinal acceleration, which then is
@@ -206,7 +205,9 @@ impl WheeledRobot {
             speed.unwrap_or(f64::NAN),
         );
         let r = &p.filter.measurement_std;
-        let noise = Vector4::new(r.accel_x, r.accel_y, r.gyro_z, r.speed);
+        let by_steering = 2.0 * p.tire.front.stiffness * p.filter.steering_std / p.vehicle.mass;
+        let accel_y_std = (r.accel_y * r.accel_y + by_steering * by_steering).sqrt();
+        let noise = Vector4::new(r.accel_x, accel_y_std, r.gyro_z, r.speed);
         let closed = p.filter.gate > 0.0 && s.rejections < MOST_REJECTIONS;
         let gate = if closed { p.filter.gate } else { f64::INFINITY };
         let (driven, imu) = (self.model.driven(&drive), &p.imu);

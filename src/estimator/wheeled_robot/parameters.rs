@@ -161,8 +161,7 @@ variables! {
     pub struct MeasurementStd {
         /// Of the longitudinal acceleration, errors of the model's force included.
         accel_x: f64 = 0.1, "m/s2", [1e-6, 1e4], tunable;
-        /// Of the lateral acceleration, errors of the model's force included. The default is the sensor's alone; noise d of
-        /// the steering angle adds 2 tire.front.stiffness d / vehicle.mass, in squares.
+        /// Of the lateral acceleration, errors of the model's force included except what filter.steering_std adds.
         accel_y: f64 = 0.1, "m/s2", [1e-6, 1e4], tunable;
         /// Of the yaw rate.
         gyro_z: f64 = 0.01, "rad/s", [1e-6, 1e3], tunable;
@@ -184,6 +183,8 @@ variables! {
         process_std: ProcessStd;
         /// Measurement noise.
         measurement_std: MeasurementStd;
+        /// Standard deviation of the steering angle's noise d: through the front tyres it moves the lateral acceleration that the model expects by 2 tire.front.stiffness d / vehicle.mass, which adds to the measurement noise in squares.
+        steering_std: f64 = 0.003, "rad", [0.0, 1.0], tunable;
         /// A measurement is rejected when nis exceeds this; 0 accepts all. After ten rejections in a row the next one is accepted.
         gate: f64 = 0.0, "1", [0.0, 1e9], tunable;
         /// Speed below which slip angles are taken as if at this speed (v_min).
