@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Everything that must hold before a change is merged: format, lints, Rust tests, the FMUs in fmpy.
-# Needs Rust (rustup) and Python 3 with venv; makes its own virtual environment in .venv.
+# Needs Rust (rustup) and Python 3.11 or later with venv; makes its own virtual environment in .venv.
 set -euo pipefail
 cd "$(dirname "$0")"
 
