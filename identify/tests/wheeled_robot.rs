@@ -204,8 +204,8 @@ fn motion_with_wheel_speeds_in_all_scenarios() {
 
 /// Over 40 seeds the error of speed_x grows 1.02 to 1.18 times, in the lane change 1.20, after the step 1.23. So it must:
 /// of the wheels' white noise `q, r = 0.02, 0.05` pass `K/(2 - K)`, a factor of 1.18; in a turn noise of the gyroscope
-/// and of the steering angle enters too and is carried further without samples (a linear analysis of the step's turn
-/// gives 1.26, with Runge-Kutta 1.23). Without that noise the step costs 1.12.
+/// and of the steering angle enters too and is carried further without samples: the equations alone give 1.26 in the
+/// step's turn (`tests/oracles/wheeled_robot_half_rate.py`). Without that noise the step costs 1.12.
 #[test]
 fn every_second_sample_missing() {
     for (scenario, limit) in SCENARIOS.map(|s| (s, if s == "lane-change" || s == "step-steer" { 1.25 } else { 1.2 })) {
