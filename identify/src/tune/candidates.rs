@@ -84,11 +84,11 @@ fn physical_floors(vehicle: Vehicle, base: &[f64]) -> Vec<(String, f64)> {
     let (v, o, dt) = (&p.vehicle, &p.observer, p.sample_period);
     let kappa = (o.gain + o.amplitude * o.width).min(1.9 / dt);
     let force = p.wheel.inertia / p.wheel.radius * kappa * o.wheel_speed_std * (2.0 / (2.0 - kappa * dt)).sqrt();
-    let steering = 2.0 * p.tire.front.stiffness * p.filter.steering_std;
+    let steered = p.steering_acceleration_std();
     [
         ("filter.process_std.speed_x", 2.0 * force / v.mass),
-        ("filter.process_std.speed_y", steering / v.mass),
-        ("filter.process_std.yaw_rate", v.cg_to_front * steering / v.yaw_inertia),
+        ("filter.process_std.speed_y", steered),
+        ("filter.process_std.yaw_rate", v.cg_to_front * v.mass * steered / v.yaw_inertia),
     ]
     .map(|(name, rate)| (name.to_owned(), rate * dt))
     .to_vec()

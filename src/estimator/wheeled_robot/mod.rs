@@ -205,8 +205,8 @@ impl WheeledRobot {
             speed.unwrap_or(f64::NAN),
         );
         let r = &p.filter.measurement_std;
-        let by_steering = 2.0 * p.tire.front.stiffness * p.filter.steering_std / p.vehicle.mass;
-        let accel_y_std = (r.accel_y * r.accel_y + by_steering * by_steering).sqrt();
+        let steered = p.steering_acceleration_std();
+        let accel_y_std = (r.accel_y * r.accel_y + steered * steered).sqrt();
         let noise = Vector4::new(r.accel_x, accel_y_std, r.gyro_z, r.speed);
         let closed = p.filter.gate > 0.0 && s.rejections < MOST_REJECTIONS;
         let gate = if closed { p.filter.gate } else { f64::INFINITY };

@@ -244,6 +244,14 @@ variables! {
     }
 }
 
+impl Parameters {
+    /// Lateral acceleration by which the steering angle's noise moves the model through the front tyres, m/s^2 (one
+    /// standard deviation).
+    pub fn steering_acceleration_std(&self) -> f64 {
+        2.0 * self.tire.front.stiffness * self.filter.steering_std / self.vehicle.mass
+    }
+}
+
 variables! {
     /// What is measured; sensors that are not connected have no sample. Wheels: front left, front right, rear left,
     /// rear right.
