@@ -6,14 +6,14 @@ mod support;
 #[path = "wheelchair/ukf.rs"]
 mod ukf;
 
-use chairs::{reference_chair, reference_noise};
+use chairs::{reference_chair, reference_limits, reference_noise};
 use nalgebra::{SMatrix, SVector};
 use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use support::{quantile, vector_table, vector_text};
-use wheelstate::estimator::wheelchair::observer::{Drive, Form, Limits, Noise, Observer, Sample};
+use wheelstate::estimator::wheelchair::observer::{Drive, Form, Noise, Observer, Sample};
 use wheelstate::estimator::wheelchair::{Basic, Biased, GravityVector, Mover};
 use wheelstate::filter::belief::Belief;
 use wheelstate::filter::discretise::runge_kutta;
@@ -25,7 +25,7 @@ const NO_GATE: Gate = Gate { deviations: 0.0, patience: 10 };
 
 fn observer<F>(form: F) -> Observer<F> {
     let noise = reference_noise(&serde_json::Value::Null);
-    Observer { chair: reference_chair("full"), noise, limits: Limits::default(), gate: NO_GATE, form }
+    Observer { chair: reference_chair("full"), noise, limits: reference_limits(), gate: NO_GATE, form }
 }
 
 fn prior() -> SVector<f64, 6> {

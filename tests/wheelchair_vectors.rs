@@ -4,10 +4,10 @@
 mod chairs;
 mod support;
 
-use chairs::{reference_chair, reference_noise};
+use chairs::{reference_chair, reference_limits, reference_noise};
 use nalgebra::SVector;
 use support::{Table, assert_close, vector_table, vector_text};
-use wheelstate::estimator::wheelchair::observer::{Drive, Form, Limits, Observer};
+use wheelstate::estimator::wheelchair::observer::{Drive, Form, Observer};
 use wheelstate::estimator::wheelchair::{Basic, Biased, Mover};
 use wheelstate::filter::belief::Belief;
 use wheelstate::filter::ekf::Gate;
@@ -48,7 +48,7 @@ fn run<const N: usize, const K: usize, const P: usize, F: Form<N, K, P>>(name: &
     chair.heading_reference = setup["alpha_ref"].as_f64().unwrap();
     let noise = reference_noise(&setup["config"]);
     let gate = Gate { deviations: setup["config"]["gate"].as_f64().unwrap_or(0.0), patience: 10 };
-    let observer = Observer { chair, noise, limits: Limits::default(), gate, form };
+    let observer = Observer { chair, noise, limits: reference_limits(), gate, form };
     let mut filter = Belief::new(numbers(&setup["x0"]), &numbers(&params[setup["P0"].as_str().unwrap()]));
     let table = vector_table(&format!("4-wheelchair/{file}"));
     let irregular = table.columns[0] == "dt";
@@ -140,7 +140,7 @@ fn filterpy_agrees() {
         chair.heading_reference = setup["alpha_ref"].as_f64().unwrap();
         let gate = Gate { deviations: 0.0, patience: 10 };
         let noise = reference_noise(&serde_json::Value::Null);
-        let observer = Observer { chair, noise, limits: Limits::default(), gate, form: Basic };
+        let observer = Observer { chair, noise, limits: reference_limits(), gate, form: Basic };
         let mut filter = Belief::new(numbers(&setup["x0"]), &numbers(&params["P0_6"]));
         let table = vector_table(&format!("4-wheelchair/{log}.csv"));
         let expected: Vec<Vec<&str>> =

@@ -1,9 +1,9 @@
-//! The chairs and the noise of the reference vectors.
+//! The chairs, the noise and the limits of the reference vectors.
 
 #![allow(dead_code)]
 
 use super::support::vector_text;
-use wheelstate::estimator::wheelchair::observer::Noise;
+use wheelstate::estimator::wheelchair::observer::{Limits, Noise};
 use wheelstate::model::wheelchair::{Accelerometer, Chair, Dynamics, Gyro};
 
 /// A parameter set of `params.json` by its name.
@@ -40,10 +40,27 @@ pub fn reference_chair(variant: &str) -> Chair {
     }
 }
 
+fn config() -> serde_json::Value {
+    let mut all: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/params.json")).unwrap();
+    all["config"].take()
+}
+
+/// The limits of `params.json`; impacts are what the source does not know.
+pub fn reference_limits() -> Limits {
+    let config = config();
+    let limit = |name: &str| config[name].as_f64().unwrap();
+    Limits {
+        accel: limit("acc_limit"),
+        gyro: limit("gyro_limit"),
+        substep: limit("dt_sub"),
+        longest_step: limit("dt_max"),
+        impact: 0.0,
+    }
+}
+
 /// The noise of `params.json`, with the densities that a run sets instead.
 pub fn reference_noise(run: &serde_json::Value) -> Noise {
-    let all: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/params.json")).unwrap();
-    let config = &all["config"];
+    let config = &config();
     let density = |k: usize| run["q"].get(k).or(config["q"].get(k)).and_then(|q| q.as_f64()).unwrap();
     let std = |name: &str| config[name].as_f64().unwrap();
     Noise {

@@ -61,6 +61,11 @@ fn add_drift<const N: usize, const D: usize>(
     }
 }
 
+/// Drift of the force that nobody reports. While the force moves nothing, its errors are neither seen nor in the way.
+fn force_drift(noise: &Noise, drive: &Drive) -> f64 {
+    if drive.still { 0.0 } else { noise.force_offset }
+}
+
 /// The pairs of a chair with heading and slope.
 fn chair_pairs(noise: &Noise, speed: f64) -> [(usize, usize, f64); 3] {
     [(model::S, model::V, speed), (model::ALPHA, model::R, noise.yaw_rate), (model::XI, model::W, noise.slope_rate)]
@@ -111,12 +116,12 @@ impl Form<6, 5, 3> for Basic {
 impl Form<13, 5, 3> for Biased {
     const AT_REST: [usize; 3] = [model::V, model::R, model::W];
 
-    fn driven_by_acceleration(&self) -> bool {
+    fn takes_acceleration(&self) -> bool {
         self.mover != Mover::Force
     }
     fn derivative(&self, chair: &Chair, x: &model::BiasedState, drive: &Drive) -> model::BiasedState {
         match drive.accel_x {
-            Some(a) if self.driven_by_acceleration() => {
+            Some(a) if self.takes_acceleration() => {
                 model::acceleration_driven(chair, x, &drive.command, a, drive.still)
             }
             _ => model::biased_derivative(chair, x, &drive.command, drive.still),
@@ -130,7 +135,7 @@ impl Form<13, 5, 3> for Biased {
     ) -> (model::BiasedState, SMatrix<f64, 5, 13>) {
         let (u, still) = (&drive.command, drive.still);
         match drive.accel_x {
-            Some(a) if self.driven_by_acceleration() => model::acceleration_driven_linearise(chair, x, u, a, still),
+            Some(a) if self.takes_acceleration() => model::acceleration_driven_linearise(chair, x, u, a, still),
             _ => model::biased_linearise(chair, x, u, still),
         }
     }
@@ -145,12 +150,11 @@ impl Form<13, 5, 3> for Biased {
     ) {
         let covariance = &mut belief.covariance;
         add_paired_noise(covariance, dt, chair_pairs(noise, speed));
-        // While the force moves nothing, its errors are neither seen nor in the way.
-        let force = if self.mover == Mover::Force && !drive.still { noise.force_offset } else { 0.0 };
+        let force = if self.mover == Mover::Force { force_drift(noise, drive) } else { 0.0 };
         let (accel, offset) = (noise.accel_bias, noise.heading_offset);
         let drift = [noise.gyro_bias, accel, accel, accel, offset, 0.0, force];
         add_drift(covariance, dt, model::GYRO_BIAS, drift);
-        if self.mover == Mover::TippingAcceleration && drive.accel_x.is_some() && !drive.still {
+        if self.mover == Mover::TippingAcceleration && self.is_driven_by_acceleration(drive) {
             let lever = model::tilt_lever(chair, belief.mean[model::ALPHA])[0];
             add_tipping_noise(covariance, dt, noise.slope_rate, -lever);
         }
@@ -180,8 +184,8 @@ impl Form<14, 6, 4> for GravityVector {
         use gravity::{GX, GY, PSI, R, S, V, WP, WR};
         let pairs = [(S, V, speed), (PSI, R, noise.yaw_rate), (GX, WP, noise.slope_rate), (GY, WR, noise.slope_rate)];
         add_paired_noise(&mut belief.covariance, dt, pairs);
-        let force = if drive.still { 0.0 } else { noise.force_offset };
-        let drift = [noise.gyro_bias, noise.accel_bias, noise.accel_bias, noise.accel_bias, 0.0, force];
+        let accel = noise.accel_bias;
+        let drift = [noise.gyro_bias, accel, accel, accel, 0.0, force_drift(noise, drive)];
         add_drift(&mut belief.covariance, dt, biased_gravity::GYRO_BIAS, drift);
     }
     fn observe(&self, chair: &Chair, x: &biased_gravity::State, drive: &Drive) -> Expected<14> {

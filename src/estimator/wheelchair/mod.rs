@@ -10,6 +10,8 @@
 //! | `acceleration_input` | 11 | force not or badly known: the measured acceleration drives the motion |
 //! | `gravity_vector` | 14 | as `bias`, the direction of the contour line unknown at the start |
 //!
+//! Impacts on a kerb or a ramp's edge, which none of these models has, are weighed down (`filter.impact`).
+//!
 //! # What cannot be observed
 //! On flat ground nothing tells the heading against the contour line: it rests on the initial heading
 //! and the encoders, and `status` says `unobservable`. A slope that contradicts the heading raises
@@ -21,6 +23,7 @@
 //! force changes; `bias` and `gravity_vector` carry the force's errors as states, `basic` takes force and mass as true.
 
 mod forms;
+mod impacts;
 pub mod observer;
 mod parameters;
 mod report;
@@ -125,10 +128,11 @@ impl Wheelchair {
                 let (mut mean, mut all) = (model::BiasedState::zeros(), model::BiasedState::zeros());
                 mean.fixed_rows_mut::<6>(0).copy_from(&chair);
                 all.fixed_rows_mut::<6>(0).copy_from(&variances);
-                mean.fixed_rows_mut::<4>(6).copy_from(&SVector::from(biases(p)));
+                mean.fixed_rows_mut::<4>(model::GYRO_BIAS).copy_from(&SVector::from(biases(p)));
                 let accel = p.accel_bias_std;
                 let bias = [p.gyro_bias_std, accel, accel, accel, p.heading_offset_std];
-                all.fixed_rows_mut::<5>(6).copy_from(&SVector::from(bias).map(|s| s * s));
+                all.fixed_rows_mut::<5>(model::GYRO_BIAS).copy_from(&SVector::from(bias).map(|s| s * s));
+                // without the force as input its errors have no part: known to be zero
                 if kind == Kind::Bias {
                     all[model::FORCE_GAIN] = p.force_gain_std * p.force_gain_std;
                     all[model::FORCE_OFFSET] = p.force_offset_std * p.force_offset_std;
@@ -141,11 +145,11 @@ impl Wheelchair {
                 let [s, alpha, v, r, xi, w]: [f64; 6] = variances.into();
                 let (mut mean, mut all) = (biased_gravity::State::zeros(), biased_gravity::State::zeros());
                 mean.fixed_rows_mut::<8>(0).copy_from(&chair);
-                mean.fixed_rows_mut::<4>(8).copy_from(&SVector::from(biases(p)));
+                mean.fixed_rows_mut::<4>(biased_gravity::GYRO_BIAS).copy_from(&SVector::from(biases(p)));
                 all.fixed_rows_mut::<8>(0).copy_from(&gravity::State::from([s, alpha, v, r, xi, xi, w, w]));
                 let accel = p.accel_bias_std;
                 let errors = [p.gyro_bias_std, accel, accel, accel, p.force_gain_std, p.force_offset_std];
-                all.fixed_rows_mut::<6>(8).copy_from(&SVector::from(errors).map(|s| s * s));
+                all.fixed_rows_mut::<6>(biased_gravity::GYRO_BIAS).copy_from(&SVector::from(errors).map(|s| s * s));
                 ChairBelief::Gravity(Belief::new(mean, &all))
             }
         }

@@ -3,6 +3,7 @@
 //! [`Observer`] joins the model's forms ([`Form`]) with the extended Kalman filter and is what the
 //! reference runs check; [`Wheelchair`](super::Wheelchair) puts inputs, standstill and outputs around it.
 
+use super::impacts::{AHEAD, weigh_down};
 use crate::filter::belief::Belief;
 use crate::filter::discretise::{runge_kutta, runge_kutta_from, substeps, transition};
 use crate::filter::ekf::{self, Gate, Innovation, NotPositiveDefinite, Rows};
@@ -39,17 +40,6 @@ pub struct Noise {
     pub standstill: f64,
 }
 
-impl Default for Noise {
-    fn default() -> Self {
-        super::Parameters::default().noise()
-    }
-}
-
-/// An impact ahead takes no more samples than this; what lasts longer is a force that nobody reported.
-const LONGEST_IMPACT: u32 = 3;
-/// Row of the accelerometer ahead.
-const AHEAD: usize = 3;
-
 /// Limits of sensors and steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
@@ -63,12 +53,6 @@ pub struct Limits {
     pub longest_step: f64,
     /// Beyond this many standard deviations an accelerometer's row counts the less the further off it is; 0 = never.
     pub impact: f64,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Self { accel: 39.2, gyro: 8.7, substep: 0.02, longest_step: 1.0, impact: 0.0 }
-    }
 }
 
 /// A step that is not positive, not finite or too long; nothing was changed.
@@ -97,9 +81,13 @@ pub trait Form<const N: usize, const K: usize, const P: usize> {
     /// The states that are zero at standstill.
     const AT_REST: [usize; P];
 
-    /// Whether the measured acceleration drives the motion instead of being a measurement.
-    fn driven_by_acceleration(&self) -> bool {
+    /// Whether the measured acceleration ahead drives the motion instead of being a measurement.
+    fn takes_acceleration(&self) -> bool {
         false
+    }
+    /// Whether it does over a step.
+    fn is_driven_by_acceleration(&self, drive: &Drive) -> bool {
+        self.takes_acceleration() && drive.accel_x.is_some() && !drive.still
     }
     /// `x' = f(x, u)`.
     fn derivative(&self, chair: &Chair, x: &SVector<f64, N>, drive: &Drive) -> SVector<f64, N>;
@@ -185,7 +173,7 @@ impl<F> Observer<F> {
         let steps = substeps(dt, self.limits.substep);
         let h = dt / steps as f64;
         // An acceleration measured once and held over dt is white noise of this density.
-        let driven = self.form.driven_by_acceleration() && drive.accel_x.is_some() && !drive.still;
+        let driven = self.form.is_driven_by_acceleration(drive);
         let density = if driven { self.noise.accel * self.noise.accel * dt } else { self.noise.speed };
         for _ in 0..steps {
             let (rate, jacobian) = self.form.linearise(&self.chair, &belief.mean, drive);
@@ -227,8 +215,10 @@ impl<F> Observer<F> {
         F: Form<N, K, P>,
     {
         let mut rows = self.rows(belief, sample, drive);
+        // Without a gate nothing else uses its counters.
         let weighed = self.limits.impact > 0.0 && self.gate.deviations <= 0.0;
-        let impact = if weighed { self.weigh_down_impacts(belief, &mut rows, &mut counters[AHEAD]) } else { 0.0 };
+        let impact =
+            if weighed { weigh_down(self.limits.impact, belief, &mut rows, &mut counters[AHEAD]) } else { 0.0 };
         let before = drive.still.then_some(*belief);
         let sensors = ekf::update(belief, &rows, Some((self.gate, counters)))?;
         let Some(before) = before else {
@@ -306,45 +296,8 @@ impl<F> Observer<F> {
             *used = value.is_finite() && value.abs() < limit;
         }
         used[1] &= sample.single_wheel.is_none();
-        used[3] &= !self.form.driven_by_acceleration() || drive.still;
+        used[AHEAD] &= !self.form.takes_acceleration() || drive.still;
         Rows { innovation, jacobian, noise, used }
-    }
-
-    /// On a kerb or a ramp's edge the axle's path bends and the accelerometer feels impacts, which the model has not:
-    /// the noise of a row that is more than `impact` deviations off becomes what makes it just that many. The state
-    /// then takes the less of the innovation the further off it is, and no row is thrown away for good. `hits_ahead`
-    /// counts the samples in a row that were off ahead (without a gate nothing else uses that counter). Returns what
-    /// that takes from the normalised innovation squared, which is to tell of impacts all the same.
-    fn weigh_down_impacts<const N: usize>(
-        &self,
-        belief: &Belief<N>,
-        rows: &mut Rows<N, 6>,
-        hits_ahead: &mut u32,
-    ) -> f64 {
-        let most = self.limits.impact * self.limits.impact;
-        let mut taken = 0.0;
-        let mut hit_ahead = false;
-        for row in (3..6).filter(|&row| rows.used[row]) {
-            let (square, noise) = (rows.innovation[row] * rows.innovation[row], rows.noise[(row, row)]);
-            // what is further off than any impact is a filter gone astray
-            if !(square > most * noise && square < 1e6) {
-                continue;
-            }
-            let h = rows.jacobian.row(row);
-            let known = (h * belief.covariance).dot(&h);
-            let times = square / (known + noise);
-            if times <= most {
-                continue;
-            }
-            hit_ahead |= row == AHEAD;
-            if row == AHEAD && *hits_ahead >= LONGEST_IMPACT {
-                continue; // a force, to be learned
-            }
-            rows.noise[(row, row)] = square / most - known;
-            taken += times - most;
-        }
-        *hits_ahead = if hit_ahead { hits_ahead.saturating_add(1) } else { 0 };
-        taken
     }
 }
 

@@ -310,8 +310,13 @@ impl Parameters {
 
     /// Limits of sensors and steps.
     pub fn limits(&self) -> Limits {
-        let impact = self.filter.impact;
-        Limits { accel: self.limit.accel, gyro: self.limit.gyro, impact, ..Limits::default() }
+        Limits {
+            accel: self.limit.accel,
+            gyro: self.limit.gyro,
+            impact: self.filter.impact,
+            substep: 0.02,
+            longest_step: 1.0,
+        }
     }
 
     /// The gate.
