@@ -225,6 +225,19 @@ fn every_second_sample_missing() {
     assert!(cost < 1.18);
 }
 
+/// With the source's noise settings the errors on a straight are those that the filter's equations foretell
+/// (`tests/oracles/wheeled_robot_half_rate.py`, which shares no code with the estimator).
+#[test]
+fn errors_are_those_that_the_equations_foretell() {
+    let mut p = parameters("vector", Channels::WheelSpeed);
+    p.filter.steering_std = 0.0;
+    let found = mean_errors(&seeds("vector", 8), &p);
+    println!("vector: {found:.5?}");
+    for (found, foretold) in found.into_iter().zip([1.41e-3, 5.60e-3, 8.22e-3]) {
+        assert!((found / foretold - 1.0).abs() < 0.05, "{found}, foretold {foretold}");
+    }
+}
+
 /// The noise of the steering angle moves the force which the model expects; unsaid, as in the source, speed_y_std is
 /// too small, and said it is right and the estimate better.
 #[test]
