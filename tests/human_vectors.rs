@@ -71,7 +71,7 @@ fn orthogonal_method() {
 
 #[test]
 fn savitzky_golay_derivatives() {
-    let data: serde_json::Value = serde_json::from_str(&vector_text("3-human-dynamics/savgol.json")).unwrap();
+    let data: serde_json::Value = serde_json::from_str(&vector_text("human_dynamics/savgol.json")).unwrap();
     let window = 2 * data["m"].as_u64().unwrap() as usize + 1;
     let dt = data["dt"].as_f64().unwrap();
     let x = numbers(&data["x"]);

@@ -79,7 +79,7 @@ fn random_motion(rng: &mut ChaCha8Rng) -> Motion {
 /// P2: accelerations and energy of 20 random states, for the plant and for the model.
 #[test]
 fn accelerations_and_energy_match_the_reference() {
-    let table = vector_table("0-nursing-robot/plant_rhs.csv");
+    let table = vector_table("nursing_robot/plant_rhs.csv");
     let (model, mut plant) = (lagrange(), plant());
     for row in 0..table.rows.len() {
         let at = |name: &str| table.at(row, name);

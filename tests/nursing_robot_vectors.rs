@@ -17,8 +17,8 @@ fn drive_force(p: &Parameters, log: &support::Table, row: usize) -> f64 {
 
 /// M1: estimate, covariance, forgetting, error, regressor and status of every sample.
 fn mass_follows(name: &str, law: Law, compensate: bool) {
-    let log = vector_table("0-nursing-robot/input_log.csv");
-    let expected = vector_table(&format!("0-nursing-robot/{name}.csv"));
+    let log = vector_table("nursing_robot/input_log.csv");
+    let expected = vector_table(&format!("nursing_robot/{name}.csv"));
     let mut p = Parameters::default();
     (p.mass.law, p.mass.compensate_sway) = (law, compensate);
     let estimator = MassEstimator::new(&p, &p.robot(), &p.human());
@@ -64,8 +64,8 @@ fn mass_with_fixed_forgetting_and_plain_regressor() {
 
 /// U1: mean, variances, noise, scale, innovation, forces and status of every sample.
 fn sway_follows(name: &str, change: impl Fn(&mut Parameters)) {
-    let log = vector_table("0-nursing-robot/input_log.csv");
-    let expected = vector_table(&format!("0-nursing-robot/{name}.csv"));
+    let log = vector_table("nursing_robot/input_log.csv");
+    let expected = vector_table(&format!("nursing_robot/{name}.csv"));
     let mut p = Parameters::default();
     change(&mut p);
     let estimator = SwayEstimator::new(&p, &p.robot(), &p.human()).expect("a swaying body");
@@ -139,8 +139,8 @@ fn sway_with_tilt_and_tilt_rate() {
 /// The whole estimator as declared gives the masses of the reference, whatever the sway filter does.
 #[test]
 fn the_estimator_as_declared_gives_the_reference_masses() {
-    let log = vector_table("0-nursing-robot/input_log.csv");
-    let expected = vector_table("0-nursing-robot/taffrls_exp_comp.csv");
+    let log = vector_table("nursing_robot/input_log.csv");
+    let expected = vector_table("nursing_robot/taffrls_exp_comp.csv");
     let mut estimator = NursingRobot::new(&Parameters::default()).unwrap();
     let mut out = Outputs::default();
     for row in 0..log.rows.len() {

@@ -24,7 +24,7 @@ fn lower(row: &[f64]) -> M6 {
 
 #[test]
 fn updates_match_the_reference_vectors() {
-    let table = vector_table("2-wheel-loader/sr_update.csv");
+    let table = vector_table("wheel_loader/sr_update.csv");
     assert_eq!(table.rows.len(), 60);
     for (k, row) in table.rows.iter().enumerate() {
         let z = SVector::<f64, 6>::from_row_slice(&row[0..6]);
@@ -52,7 +52,7 @@ fn updates_match_the_reference_vectors() {
 /// Only the first three states are measured: what the update does to the other columns is nothing.
 #[test]
 fn the_leading_columns_are_enough() {
-    let table = vector_table("2-wheel-loader/sr_update.csv");
+    let table = vector_table("wheel_loader/sr_update.csv");
     for row in &table.rows {
         let s = lower(&row[6..27]);
         let v = SMatrix::<f64, 3, 3>::from_diagonal(&SVector::from_row_slice(&row[30..33]));

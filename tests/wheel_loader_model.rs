@@ -40,7 +40,7 @@ fn point(table: &Table, row: usize) -> (Motion, Unknowns) {
 
 #[test]
 fn rates_loads_and_jacobian_match_the_reference() {
-    let table = vector_table("2-wheel-loader/model_deriv.csv");
+    let table = vector_table("wheel_loader/model_deriv.csv");
     assert_eq!(table.rows.len(), 240);
     let mut lifted = 0;
     for row in 0..table.rows.len() {
@@ -70,7 +70,7 @@ fn rates_loads_and_jacobian_match_the_reference() {
 
 #[test]
 fn steps_match_the_reference() {
-    let table = vector_table("2-wheel-loader/model_step.csv");
+    let table = vector_table("wheel_loader/model_step.csv");
     assert_eq!(table.rows.len(), 100);
     for row in 0..table.rows.len() {
         let (x, p) = point(&table, row);

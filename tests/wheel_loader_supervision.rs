@@ -342,7 +342,7 @@ fn lively_driving_reveals_the_height() {
 #[test]
 fn array_and_andrews_agree_at_every_step() {
     for file in ["plantlog_bumpy_C", "plantlog_accbrake_A"] {
-        let table = vector_table(&format!("2-wheel-loader/{file}.csv"));
+        let table = vector_table(&format!("wheel_loader/{file}.csv"));
         let mut p = Parameters::default();
         let mut array = begun(&p);
         p.filter.form = Form::Andrews;

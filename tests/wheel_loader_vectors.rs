@@ -58,7 +58,7 @@ fn vector_parameters() -> Parameters {
 
 fn begun(p: &Parameters) -> WheelLoader {
     let mut estimator = WheelLoader::new(p).unwrap();
-    let first = vector_table("2-wheel-loader/initial_measurement.csv");
+    let first = vector_table("wheel_loader/initial_measurement.csv");
     let first = Inputs {
         speed: first.at(0, "yv"),
         wheel_speed_front: first.at(0, "ywf"),
@@ -70,7 +70,7 @@ fn begun(p: &Parameters) -> WheelLoader {
 }
 
 fn compare(p: &Parameters, file: &str) -> usize {
-    let table = vector_table(&format!("2-wheel-loader/{file}.csv"));
+    let table = vector_table(&format!("wheel_loader/{file}.csv"));
     assert_eq!(table.rows.len(), 299);
     let mut estimator = begun(p);
     let mut out = Outputs::default();
@@ -147,7 +147,7 @@ fn ekf_agrees_with_the_covariance_form() {
     let mut p = vector_parameters();
     p.filter.kind = Kind::Extended;
     p.filter.supervise = false;
-    let table = vector_table("2-wheel-loader/ekf_cov_logit.csv");
+    let table = vector_table("wheel_loader/ekf_cov_logit.csv");
     assert_eq!(table.rows.len(), 199);
     let mut estimator = begun(&p);
     for row in 0..table.rows.len() {
@@ -167,7 +167,7 @@ fn ekf_agrees_with_the_covariance_form() {
 #[test]
 fn plant_logs_replay() {
     for (file, lambda) in [("plantlog_bumpy_C", 0.45), ("plantlog_spade6k_C", 0.45), ("plantlog_accbrake_A", 0.45)] {
-        let table = vector_table(&format!("2-wheel-loader/{file}.csv"));
+        let table = vector_table(&format!("wheel_loader/{file}.csv"));
         let mut p = parameters([15.0, 1.05, 0.5], [0.8, 0.35, 0.5]);
         p.loader.wheel_radius_front = 0.55 * (1.0 + 0.03 / 19.0);
         p.loader.wheel_radius_rear = p.loader.wheel_radius_front;

@@ -101,7 +101,7 @@ fn nees_and_nis_are_those_of_a_consistent_filter() {
 /// Both filters see the same samples; the unscented one shows what linearising costs.
 #[test]
 fn extended_and_unscented_filters_agree() {
-    let runs: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/runs.json")).unwrap();
+    let runs: serde_json::Value = serde_json::from_str(&vector_text("wheelchair/runs.json")).unwrap();
     let mut worst = [0.0_f64; 3];
     for (case, variant) in [1, 2, 3].into_iter().flat_map(|case| [(case, "full"), (case, "paper")]) {
         let file = format!("ekf_case{case}_{variant}.csv");
@@ -112,7 +112,7 @@ fn extended_and_unscented_filters_agree() {
         let x0 = runs[&file]["x0"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap());
         let mut extended = Belief::new(State::from_iterator(x0), &prior());
         let mut unscented = ukf::Ukf { mean: extended.mean, covariance: extended.covariance };
-        let table = vector_table(&format!("4-wheelchair/{file}"));
+        let table = vector_table(&format!("wheelchair/{file}"));
         let q = process_noise(&observer);
         for row in 0..table.rows.len() {
             let drive = |row: usize| Drive {

@@ -30,7 +30,7 @@ impl Point {
 }
 
 fn points(name: &str) -> Vec<Point> {
-    let text = vector_text(&format!("4-wheelchair/{name}"));
+    let text = vector_text(&format!("wheelchair/{name}"));
     let mut lines = text.lines();
     let columns: Vec<String> = lines.next().unwrap().split(',').skip(1).map(str::to_owned).collect();
     let columns = std::rc::Rc::new(columns);
@@ -116,7 +116,7 @@ fn discretisation_matches_the_reference_points() {
 fn encoder_geometry_matches_the_reference_and_inverts() {
     let mut chair = reference_chair("full");
     chair.heading_reference = 1.0;
-    let table = support::vector_table("4-wheelchair/encoder.csv");
+    let table = support::vector_table("wheelchair/encoder.csv");
     for row in 0..table.rows.len() {
         let (right, left) = (table.at(row, "theta_r"), table.at(row, "theta_l"));
         let (travel, heading) = model::wheel_travel(&chair, right, left);

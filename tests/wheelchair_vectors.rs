@@ -36,8 +36,8 @@ fn compare<const N: usize>(run: &str, row: usize, states: usize, table: &Table, 
 }
 
 fn run<const N: usize, const K: usize, const P: usize, F: Form<N, K, P>>(name: &str, form: F) {
-    let runs: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/runs.json")).unwrap();
-    let params: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/params.json")).unwrap();
+    let runs: serde_json::Value = serde_json::from_str(&vector_text("wheelchair/runs.json")).unwrap();
+    let params: serde_json::Value = serde_json::from_str(&vector_text("wheelchair/params.json")).unwrap();
     let file = format!("{name}.csv");
     let setup = &runs[&file];
     // What the source's state has not is known to be zero.
@@ -50,7 +50,7 @@ fn run<const N: usize, const K: usize, const P: usize, F: Form<N, K, P>>(name: &
     let gate = Gate { deviations: setup["config"]["gate"].as_f64().unwrap_or(0.0), patience: 10 };
     let observer = Observer { chair, noise, limits: reference_limits(), gate, form };
     let mut filter = Belief::new(numbers(&setup["x0"]), &numbers(&params[setup["P0"].as_str().unwrap()]));
-    let table = vector_table(&format!("4-wheelchair/{file}"));
+    let table = vector_table(&format!("wheelchair/{file}"));
     let irregular = table.columns[0] == "dt";
     let mut counters = [0; 6];
     let command = |row: usize| Command::new(table.at(row, "u_f"), table.at(row, "u_r"));
@@ -128,8 +128,8 @@ fn filterpy_agrees() {
     let text = std::fs::read_to_string(path).unwrap();
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let runs: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/runs.json")).unwrap();
-    let params: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/params.json")).unwrap();
+    let runs: serde_json::Value = serde_json::from_str(&vector_text("wheelchair/runs.json")).unwrap();
+    let params: serde_json::Value = serde_json::from_str(&vector_text("wheelchair/params.json")).unwrap();
     let numbers = |list: &serde_json::Value| {
         SVector::<f64, 6>::from_iterator(list.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()))
     };
@@ -142,7 +142,7 @@ fn filterpy_agrees() {
         let noise = reference_noise(&serde_json::Value::Null);
         let observer = Observer { chair, noise, limits: reference_limits(), gate, form: Basic };
         let mut filter = Belief::new(numbers(&setup["x0"]), &numbers(&params["P0_6"]));
-        let table = vector_table(&format!("4-wheelchair/{log}.csv"));
+        let table = vector_table(&format!("wheelchair/{log}.csv"));
         let expected: Vec<Vec<&str>> =
             text.lines().skip(1).map(|l| l.split(',').collect()).filter(|l: &Vec<&str>| l[1] == log).collect();
         let mut next = expected.iter().peekable();

@@ -102,7 +102,7 @@ fn multibody_car() {
         ("accel_brake", 1.0, 65.0, 0.30), // torques jump by 500 N m here
         ("low_mu", 0.45, 21.0, 0.05),
     ] {
-        let table = vector_table(&format!("1-wheeled-robot/multibody_{name}.csv"));
+        let table = vector_table(&format!("wheeled_robot/multibody_{name}.csv"));
         let ((fitted, claimed), (nominal, _)) =
             (errors(&table, &car(true, friction)), errors(&table, &car(false, friction)));
         println!(
@@ -119,7 +119,7 @@ fn multibody_car() {
 
 #[test]
 fn slip_stiffness_corrects_the_speed_of_slipping_wheels() {
-    let table = vector_table("1-wheeled-robot/multibody_accel_brake.csv");
+    let table = vector_table("wheeled_robot/multibody_accel_brake.csv");
     let mut p = car(true, 1.0);
     let (rigid, doubt) = errors(&table, &p);
     p.wheel.slip_stiffness = 25.0;

@@ -10,7 +10,7 @@ use wheelstate::filter::srckf::SrCkf;
 use wheelstate::model::tire::{Tire, Tires};
 use wheelstate::model::wheeled_robot::{Drive, Integrator, Motion, WheeledRobot, wheel_torque};
 
-const FOLDER: &str = "1-wheeled-robot";
+const FOLDER: &str = "wheeled_robot";
 
 fn params() -> Value {
     // the file writes Infinity, which JSON does not know

@@ -37,7 +37,7 @@ fn first_column(name: &str) -> Vec<String> {
 
 #[test]
 fn random_numbers_are_exact() {
-    let text = vector_text("1-wheeled-robot/rng.csv");
+    let text = vector_text("wheeled_robot/rng.csv");
     let (mut bits, mut uniforms, mut normals) = (Rng::new(0), Rng::new(0), Rng::new(0));
     let mut rows = 0;
     for line in text.lines().skip(1) {
@@ -56,7 +56,7 @@ fn random_numbers_are_exact() {
 
 #[test]
 fn the_first_iterations_follow_the_reference() {
-    let file = "1-wheeled-robot/dbo_trace.csv";
+    let file = "wheeled_robot/dbo_trace.csv";
     let (names, table) = (first_column(file), vector_table(file));
     let mut last: Option<(String, bool, u64, Optimum)> = None;
     for (row, name) in names.iter().enumerate() {
@@ -77,7 +77,7 @@ fn the_first_iterations_follow_the_reference() {
 
 #[test]
 fn it_finds_what_the_reference_finds() {
-    let file = "1-wheeled-robot/dbo_stats.csv";
+    let file = "wheeled_robot/dbo_stats.csv";
     let (names, table) = (first_column(file), vector_table(file));
     for (row, name) in names.iter().enumerate() {
         let cube = table.at(row, "unit_cube") != 0.0;

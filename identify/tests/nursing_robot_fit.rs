@@ -16,7 +16,7 @@ use wheelstate_identify::vehicle::Vehicle;
 
 /// The reference log, 40 s of excitation, with these channels besides torque, speed and yaw rate.
 fn reference(channels: &[(&str, &str)]) -> Log {
-    let table = vector_table("0-nursing-robot/ident_log.csv");
+    let table = vector_table("nursing_robot/ident_log.csv");
     let mut log = Log { source: "reference".into(), time: table.values("t"), ..Log::default() };
     for (name, column) in [("torque_left", "tau_l"), ("torque_right", "tau_r"), ("speed", "v"), ("yaw_rate", "omega")]
         .iter()
@@ -30,8 +30,7 @@ fn reference(channels: &[(&str, &str)]) -> Log {
 const ALL: [(&str, &str); 3] = [("tilt", "phi_y"), ("roll", "phi_x"), ("tilt_rate", "gyro_y")];
 
 fn truth(name: &str) -> f64 {
-    let expected: serde_json::Value =
-        serde_json::from_str(&vector_text("0-nursing-robot/ident_expected.json")).unwrap();
+    let expected: serde_json::Value = serde_json::from_str(&vector_text("nursing_robot/ident_expected.json")).unwrap();
     expected["truth"][name].as_f64().unwrap()
 }
 

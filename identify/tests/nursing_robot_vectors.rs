@@ -12,7 +12,7 @@ use wheelstate_identify::progress::Progress;
 use wheelstate_identify::solve::{Loss, Options, Regression, Rows, Unknown, solve};
 
 fn expected() -> serde_json::Value {
-    serde_json::from_str(&vector_text("0-nursing-robot/ident_expected.json")).unwrap()
+    serde_json::from_str(&vector_text("nursing_robot/ident_expected.json")).unwrap()
 }
 
 fn body(expected: &serde_json::Value) -> Body {
@@ -32,7 +32,7 @@ fn body(expected: &serde_json::Value) -> Body {
 }
 
 fn signals() -> Signals {
-    let table = vector_table("0-nursing-robot/ident_log.csv");
+    let table = vector_table("nursing_robot/ident_log.csv");
     let (left, right) = (table.values("tau_l"), table.values("tau_r"));
     Signals {
         period: 0.01,

@@ -47,7 +47,7 @@ fn products(report: &FitReport) -> [f64; 7] {
 
 /// The reference log: 40 s on a slope of 0.05 rad, biases of 0.05 m/s2, encoders of 4096 steps.
 fn reference_log() -> Log {
-    let table = vector_table("4-wheelchair/id_log.csv");
+    let table = vector_table("wheelchair/id_log.csv");
     let chair = Parameters::default().chair();
     let (mut left, mut right) = (vec![], vec![]);
     for (travel, heading) in table.values("y1").iter().zip(table.values("y2")) {
@@ -68,7 +68,7 @@ fn reference_log() -> Log {
 
 #[test]
 fn the_reference_log_gives_the_reference_estimate() {
-    let text = vector_text("4-wheelchair/id_expected.csv");
+    let text = vector_text("wheelchair/id_expected.csv");
     let rows: Vec<Vec<f64>> = text
         .lines()
         .filter(|line| !line.starts_with(['#', 'M']))

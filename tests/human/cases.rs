@@ -84,7 +84,7 @@ pub fn description(value: &Value) -> Description {
 
 pub fn model(name: &str) -> Description {
     let name = name.split('_').next().unwrap();
-    description(&serde_json::from_str(&vector_text(&format!("3-human-dynamics/model_{name}.json"))).unwrap())
+    description(&serde_json::from_str(&vector_text(&format!("human_dynamics/model_{name}.json"))).unwrap())
 }
 
 pub struct Case {
@@ -141,7 +141,7 @@ pub fn used_links(description: &Description, sensors: &[Sensor]) -> Vec<String> 
 }
 
 pub fn case(name: &str) -> Case {
-    let data: Value = serde_json::from_str(&vector_text(&format!("3-human-dynamics/{name}.json"))).unwrap();
+    let data: Value = serde_json::from_str(&vector_text(&format!("human_dynamics/{name}.json"))).unwrap();
     case_of(data)
 }
 

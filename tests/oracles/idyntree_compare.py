@@ -6,7 +6,7 @@ Same URDF, same sensors, same variances, one run on one machine:
      measured by turns so that a loaded machine slows both.
 
 Usage: python idyntree_compare.py --identify target/release/identify [--steps 400] [--tolerance 1e-8]
-Needs: pip install idyntree numpy. Models: tests/vectors/3-human-dynamics/model_*.urdf.gz.
+Needs: pip install idyntree numpy. Models: tests/vectors/human_dynamics/model_*.urdf.gz.
 """
 
 import argparse
@@ -22,7 +22,7 @@ import time
 import idyntree.swig as idyn
 import numpy as np
 
-VECTORS = pathlib.Path(__file__).resolve().parents[1] / "vectors" / "3-human-dynamics"
+VECTORS = pathlib.Path(__file__).resolve().parents[1] / "vectors" / "human_dynamics"
 MODELS = [("human48", "LeftFoot"), ("seated12", "Pelvis"), ("chain3", "base")]
 GRAVITY = [1.5631752280112634, 1.508699500271739, -9.566420909849816]
 VARIANCE = {"joint_acceleration": 0.004, "net_ext_wrench": 1e-4, "accelerometer": 0.0011, "model": 1e-4, "prior": 1e4}

@@ -4,7 +4,7 @@ Truth from outside: the 29-state multi-body car of the package commonroad-vehicl
 BMW 320i), integrated by Runge-Kutta steps of 1 ms. It shares no equation with this repository.
 
     pip install commonroad-vehicle-models==3.0.2
-    python tests/oracles/multibody_car.py tests/vectors/1-wheeled-robot
+    python tests/oracles/multibody_car.py tests/vectors/wheeled_robot
 
 The package is y-right and z-down inside while its signs of steering, lateral speed and yaw rate can be kept;
 its left and right wheels have to be swapped. No noise is added here.

@@ -15,7 +15,7 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
 HERE = Path(__file__).parent
-VECTORS = HERE.parent / "vectors" / "4-wheelchair"
+VECTORS = HERE.parent / "vectors" / "wheelchair"
 Q = (4e-3, 4e-3, 0.5)
 SIGMA_WHEEL, SIGMA_GYRO, SIGMA_ACCEL, SIGMA_TILT = 3e-3, 5e-3, 0.05, 1.0
 DT = 0.01

@@ -8,7 +8,7 @@ use wheelstate::model::wheelchair::{Accelerometer, Chair, Dynamics, Gyro};
 
 /// A parameter set of `params.json` by its name.
 pub fn reference_chair(variant: &str) -> Chair {
-    let all: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/params.json")).unwrap();
+    let all: serde_json::Value = serde_json::from_str(&vector_text("wheelchair/params.json")).unwrap();
     let p = &all["params"][variant];
     let number = |name: &str| p[name].as_f64().unwrap_or_else(|| panic!("no {name} in {variant}"));
     Chair {
@@ -41,7 +41,7 @@ pub fn reference_chair(variant: &str) -> Chair {
 }
 
 fn config() -> serde_json::Value {
-    let mut all: serde_json::Value = serde_json::from_str(&vector_text("4-wheelchair/params.json")).unwrap();
+    let mut all: serde_json::Value = serde_json::from_str(&vector_text("wheelchair/params.json")).unwrap();
     all["config"].take()
 }
 
