@@ -59,7 +59,7 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
 fn ankle_torque_follows_the_plate() {
     let Some(folder) = recording() else { return };
     let log = log(&folder);
-    let with_plate = repository().join("tests/human/mapest_2dof.toml");
+    let with_plate = repository().join("tests/human_dynamics/mapest_2dof.toml");
     let urdf = folder.join("threeLinkHuman_subject1_sensorExt.urdf");
     let mut setup = estimate::setup(&urdf, &with_plate).unwrap();
     let result = estimate::run(&mut setup, &log, &Progress::none()).unwrap();

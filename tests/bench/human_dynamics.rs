@@ -2,7 +2,7 @@
 //! without and with the variances of all variables; on the reference models, and on chains of
 //! growing length. `tests/oracles/idyntree_compare.py` times the anchor on the same models.
 
-#[path = "../human/cases.rs"]
+#[path = "../human_dynamics/cases.rs"]
 mod cases;
 #[path = "../support/mod.rs"]
 mod support;

@@ -1,4 +1,4 @@
-"""Writes the multi-body car's logs that tests/wheeled_robot_multibody.rs reads.
+"""Writes the multi-body car's logs that tests/wheeled_robot/multibody.rs reads.
 
 Truth from outside: the 29-state multi-body car of the package commonroad-vehicle-models (BSD; vehicle 2, a
 BMW 320i), integrated by Runge-Kutta steps of 1 ms. It shares no equation with this repository.

@@ -1,7 +1,7 @@
 """Writes tests/oracles/srckf_filterpy.csv: an unscented filter (alpha 1, beta 0, kappa 0) of filterpy 2.0.0.
 
 With these weights it is the cubature filter that draws its points anew before the update. The system
-and the measurements are written out here and again in tests/wheeled_robot_filter.rs.
+and the measurements are written out here and again in tests/filter/cubature.rs.
 
     pip install filterpy==2.0.0 && python tests/oracles/srckf_filterpy.py
 """

@@ -1,8 +1,6 @@
 //! The chairs, the noise and the limits of the reference vectors.
 
-#![allow(dead_code)]
-
-use super::support::vector_text;
+use crate::support::vector_text;
 use wheelstate::estimator::wheelchair::observer::{Limits, Noise};
 use wheelstate::model::wheelchair::{Accelerometer, Chair, Dynamics, Gyro};
 

@@ -1,0 +1,12 @@
+//! The human body: multi-body equations, whole-body estimates, the seated person.
+
+mod accuracy;
+mod allocation;
+mod cases;
+mod consistency;
+mod coupling;
+mod inputs;
+mod model;
+mod seated;
+mod truth;
+mod vectors;

@@ -1,0 +1,7 @@
+//! The nursing robot: mass and sway of the person on board.
+
+mod allocation;
+mod inputs;
+mod model;
+mod recordings;
+mod vectors;

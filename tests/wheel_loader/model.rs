@@ -1,0 +1,174 @@
+//! The loader's model against reference vectors, finite differences and planar mechanics.
+
+use crate::support::{Table, assert_close, vector_table};
+use nalgebra::Vector3;
+use proptest::prelude::*;
+use wheelstate::model::wheel_loader::*;
+
+fn loader(table: &Table, row: usize) -> Loader {
+    let limit = table.at(row, "mu_max(-1=inf)");
+    let inertia = table.at(row, "I_e");
+    let mut loader = Loader {
+        friction: if limit < 0.0 { f64::INFINITY } else { limit },
+        axle_inertia: [inertia; 2],
+        ..Loader::default()
+    };
+    if table.columns.iter().any(|c| c == "h_b") {
+        loader.bucket_height = table.at(row, "h_b");
+        loader.wheel_radius[1] = 0.548;
+    }
+    loader
+}
+
+fn drive(table: &Table, row: usize) -> Drive {
+    let at = |name| table.at(row, name);
+    Drive {
+        torque: [at("Tf"), at("Tr")],
+        brake: [at("Bf"), at("Br")],
+        slope: at("alpha"),
+        force_x: at("Fx"),
+        force_z: at("Fz"),
+    }
+}
+
+fn point(table: &Table, row: usize) -> (Motion, Unknowns) {
+    let at = |name| table.at(row, name);
+    (Vector3::new(at("v"), at("wf"), at("wr")), Vector3::new(at("K"), at("h"), at("lam")))
+}
+
+#[test]
+fn rates_loads_and_jacobian_match_the_reference() {
+    let table = vector_table("wheel_loader/model_deriv.csv");
+    assert_eq!(table.rows.len(), 240);
+    let mut lifted = 0;
+    for row in 0..table.rows.len() {
+        let (x, p) = point(&table, row);
+        let (point, jacobian) = loader(&table, row).linearise(&x, &p, &drive(&table, row));
+        let check = |name: &str, value: f64| {
+            assert_close(&format!("row {row} {name}"), value, table.at(row, name), 1e-10, 1e-9);
+        };
+        check("sig_f", point.slip[0]);
+        check("sig_r", point.slip[1]);
+        check("Fzf", point.load[0]);
+        check("Fzr", point.load[1]);
+        check("a_s", point.specific_force);
+        check("D_raw", point.transfer);
+        assert_eq!(point.lift, table.at(row, "lift") != 0.0, "row {row}");
+        lifted += usize::from(point.lift);
+        for (i, name) in ["v_dot", "wf_dot", "wr_dot"].iter().enumerate() {
+            check(name, point.rates[i]);
+            for j in 0..3 {
+                check(&format!("J{i}{j}"), jacobian.motion[(i, j)]);
+                check(&format!("J{i}{}", j + 3), jacobian.unknowns[(i, j)]);
+            }
+        }
+    }
+    assert!(lifted > 5, "the vectors hold lift-off: {lifted}");
+}
+
+#[test]
+fn steps_match_the_reference() {
+    let table = vector_table("wheel_loader/model_step.csv");
+    assert_eq!(table.rows.len(), 100);
+    for row in 0..table.rows.len() {
+        let (x, p) = point(&table, row);
+        let (loader, u) = (loader(&table, row), drive(&table, row));
+        let (dt, substeps) = (table.at(row, "dt"), table.at(row, "n_sub") as u32);
+        let plain = loader.advance(&x, &p, &u, dt, substeps);
+        let (linearised, f) = loader.advance_linearised(&x, &p, &u, dt, substeps);
+        for (i, name) in ["v1", "wf1", "wr1"].iter().enumerate() {
+            assert_close(&format!("row {row} {name}"), plain[i], table.at(row, name), 1e-9, 1e-12);
+            assert_close(&format!("row {row} {name} linearised"), linearised[i], table.at(row, name), 1e-9, 1e-12);
+            for j in 0..6 {
+                let name = format!("F{i}{j}");
+                let value = if j < 3 { f.motion[(i, j)] } else { f.unknowns[(i, j - 3)] };
+                assert_close(&format!("row {row} {name}"), value, table.at(row, &name), 1e-9, 1e-12);
+            }
+        }
+    }
+}
+
+/// Newton and Euler in the plane, written down without elimination: the sum of forces along x and z
+/// and of moments about the CG vanish for the loads and the acceleration that the model returns.
+#[test]
+fn loads_balance_forces_and_moments() {
+    let loader = Loader { bucket_height: 0.4, ..Loader::default() };
+    let (h, lambda, stiffness) = (0.95, 0.45, 19.0);
+    let (m, l) = (loader.mass, loader.wheelbase);
+    for (slope, force_x, force_z, spin) in
+        [(0.0, 0.0, 0.0, 1.01), (0.12, 0.0, 0.0, 1.03), (-0.1, 4000.0, 2500.0, 1.02), (0.0, -900.0, 0.0, 0.97)]
+    {
+        let x = Vector3::new(2.0, 2.0 / 0.55 * spin, 2.0 / 0.55 * (2.0 - spin));
+        let u = Drive { slope, force_x, force_z, ..Drive::default() };
+        let at = loader.rates(&x, &Vector3::new(stiffness, h, lambda), &u);
+        assert!(!at.lift && !at.guarded);
+        let tractive = |i: usize| 0.75 * (stiffness * at.slip[i] / 0.75).tanh() * at.load[i];
+        let resistance = loader.rolling * (at.load[0] + at.load[1]);
+        let along = tractive(0) + tractive(1) - resistance - force_x - m * GRAVITY * slope.sin() - m * at.rates[0];
+        let normal = at.load[0] + at.load[1] - m * GRAVITY * slope.cos() - force_z;
+        let (to_front, to_rear) = (l * (1.0 - lambda), l * lambda);
+        // Pitch nose-up about the CG; forces at the ground act h below it.
+        let tip = (to_front + loader.bucket_reach, loader.bucket_height - h);
+        let pitch = at.load[0] * to_front - at.load[1] * to_rear + (tractive(0) + tractive(1) - resistance) * h
+            - force_z * tip.0
+            + force_x * tip.1;
+        assert_close("along", along, 0.0, 0.0, 1e-8);
+        assert_close("normal", normal, 0.0, 0.0, 1e-8);
+        assert_close("pitch", pitch, 0.0, 0.0, 1e-7);
+    }
+}
+
+proptest! {
+    #[test]
+    fn jacobian_is_the_derivative(
+        v in -3.0..6.0f64, sf in -0.2..0.2f64, sr in -0.2..0.2f64, stiffness in 3.0..60.0f64, h in 0.4..2.2f64,
+        lambda in 0.15..0.85f64, torque in -4000.0..4000.0f64, brake in 0.0..800.0f64, slope in -0.2..0.2f64,
+        force in 0.0..6000.0f64, linear in any::<bool>()
+    ) {
+        let loader = Loader { friction: if linear { f64::INFINITY } else { 0.75 }, ..Loader::default() };
+        let u = Drive { torque: [torque, 0.5 * torque], brake: [brake, 0.0], slope, force_x: force, force_z: 0.4 * force };
+        let x = Vector3::new(v, v * (1.0 + sf) / 0.55, v * (1.0 + sr) / 0.55);
+        let p = Vector3::new(stiffness, h, lambda);
+        let (at, j) = loader.linearise(&x, &p, &u);
+        // Away from the seams, where one-sided derivatives differ.
+        let near_seam = |f: f64| (f - loader.slip_speed).abs() < 1e-3;
+        prop_assume!(!(0..2).any(|i| near_seam(v.abs()) || near_seam((0.55 * x[i + 1]).abs()) || at.slip[i].abs() < 1e-3));
+        prop_assume!(at.load.iter().all(|load| *load == 0.0 || load.abs() > 50.0) && (at.transfer - 0.1).abs() > 1e-2);
+        for k in 0..8 {
+            let eps = 1e-6 * if k < 3 { x[k].abs().max(1.0) } else if k < 6 { p[k - 3] } else { 1.0 };
+            let shifted = |s: f64| {
+                let (mut x, mut p, mut loader) = (x, p, loader);
+                match k {
+                    0..3 => x[k] += s,
+                    3..6 => p[k - 3] += s,
+                    _ => loader.wheel_radius[k - 6] *= s.exp(),
+                }
+                loader.rates(&x, &p, &u).rates
+            };
+            let numeric = (shifted(eps) - shifted(-eps)) / (2.0 * eps);
+            for i in 0..3 {
+                let analytic = match k {
+                    0..3 => j.motion[(i, k)],
+                    3..6 => j.unknowns[(i, k - 3)],
+                    _ => j.radii[(i, k - 6)],
+                };
+                let scale = numeric.amax().max(analytic.abs()).max(1.0);
+                prop_assert!((analytic - numeric[i]).abs() <= 1e-5 * scale, "J{i}{k}: {analytic} {numeric}");
+            }
+        }
+    }
+
+    #[test]
+    fn steps_stay_finite(
+        x in prop::array::uniform3(-50.0..50.0f64), torque in -1e5..1e5f64, stiffness in 2.0..80.0f64,
+        h in 0.3..2.5f64, lambda in 0.1..0.9f64, force in -1e5..1e5f64, linear in any::<bool>()
+    ) {
+        let loader = Loader { friction: if linear { f64::INFINITY } else { 0.75 }, axle_inertia: [3.33; 2], ..Loader::default() };
+        let u = Drive { torque: [torque, -torque], force_x: force, force_z: -force, ..Drive::default() };
+        let mut x = Vector3::from(x);
+        for _ in 0..100 {
+            x = loader.advance(&x, &Vector3::new(stiffness, h, lambda), &u, 0.01, 2);
+        }
+        prop_assert!(x.iter().all(|value| value.is_finite()));
+    }
+}

@@ -1,0 +1,12 @@
+//! The wheelchair: speed, heading and slope.
+
+mod accuracy;
+mod allocation;
+mod chairs;
+mod consistency;
+mod inputs;
+mod model;
+mod random_machines;
+mod runs;
+mod ukf;
+mod vectors;

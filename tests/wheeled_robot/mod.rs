@@ -1,0 +1,6 @@
+//! The wheeled robot: wheel forces and motion.
+
+mod allocation;
+mod inputs;
+mod multibody;
+mod vectors;
