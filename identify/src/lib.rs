@@ -10,7 +10,7 @@ pub mod cli;
 pub mod estimate;
 pub mod problem;
 pub mod report;
-pub mod request;
+pub mod result;
 pub mod simulate;
 pub mod solve;
 pub mod tune;

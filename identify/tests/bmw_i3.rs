@@ -3,10 +3,10 @@
 
 use std::path::PathBuf;
 use wheelstate_identify::log::{ColumnMap, Log};
+use wheelstate_identify::problem::FitRequest;
 use wheelstate_identify::problem::fit;
 use wheelstate_identify::progress::Progress;
-use wheelstate_identify::report::FitReport;
-use wheelstate_identify::request::FitRequest;
+use wheelstate_identify::result::FitReport;
 use wheelstate_identify::vehicle::Vehicle;
 
 fn data() -> Option<PathBuf> {

@@ -3,8 +3,8 @@
 use wheelstate_identify::estimate;
 use wheelstate_identify::log::Log;
 use wheelstate_identify::problem;
+use wheelstate_identify::problem::FitRequest;
 use wheelstate_identify::progress::Progress;
-use wheelstate_identify::request::FitRequest;
 use wheelstate_identify::simulate::{Request, companions, simulate};
 use wheelstate_identify::vehicle::Vehicle::HumanDynamics;
 

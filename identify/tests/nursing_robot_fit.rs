@@ -8,10 +8,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use support::{vector_table, vector_text};
 use wheelstate_identify::log::Log;
+use wheelstate_identify::problem::FitRequest;
 use wheelstate_identify::problem::{FitError, fit};
 use wheelstate_identify::progress::Progress;
-use wheelstate_identify::report::FitReport;
-use wheelstate_identify::request::FitRequest;
+use wheelstate_identify::result::FitReport;
 use wheelstate_identify::vehicle::Vehicle;
 
 /// The reference log, 40 s of excitation, with these channels besides torque, speed and yaw rate.

@@ -4,9 +4,9 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
-use wheelstate_identify::report::{
-    self, CorrelationPair, Covariance, FORMAT_VERSION, FitReport, LogEntry, Parameter, SignalFit, Trace, Validation,
-    Verdict,
+use wheelstate_identify::report;
+use wheelstate_identify::result::{
+    CorrelationPair, Covariance, FORMAT_VERSION, FitReport, LogEntry, Parameter, SignalFit, Trace, Validation, Verdict,
 };
 
 fn parameter(value: f64, std_error: f64, unit: &str, verdict: Verdict) -> Parameter {

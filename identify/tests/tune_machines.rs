@@ -42,7 +42,7 @@ fn assert_generalises(report: &TuneReport) {
     let unseen = report.tuning.nis.iter().find(|entry| entry.held_out).unwrap();
     assert!(unseen.objective_after <= unseen.objective_before, "{unseen:?}");
     assert!(!report.fit.parameters.is_empty());
-    let in_range = |p: &wheelstate_identify::report::Parameter| p.value.is_finite() && p.value > 0.0;
+    let in_range = |p: &wheelstate_identify::result::Parameter| p.value.is_finite() && p.value > 0.0;
     assert!(report.fit.parameters.values().all(in_range));
 }
 

@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 use wheelstate_identify::log::Log;
+use wheelstate_identify::problem::FitRequest;
 use wheelstate_identify::problem::{Known, fit, wheel_loader};
 use wheelstate_identify::progress::Progress;
-use wheelstate_identify::report::FitReport;
-use wheelstate_identify::request::FitRequest;
+use wheelstate_identify::result::FitReport;
 use wheelstate_identify::simulate::{Request, simulate};
 use wheelstate_identify::solve::{Loss, Options, solve};
 use wheelstate_identify::vehicle::Vehicle;

@@ -8,11 +8,12 @@ use wheelstate::Estimator;
 use wheelstate::estimator::wheelchair::{Inputs, Outputs, Parameters, Wheelchair};
 use wheelstate::model::wheelchair::wheel_angles;
 use wheelstate_identify::log::Log;
+use wheelstate_identify::problem::FitRequest;
 use wheelstate_identify::problem::fit;
 use wheelstate_identify::progress::Progress;
-use wheelstate_identify::report::FitReport;
-use wheelstate_identify::request::{FitRequest, Loss};
+use wheelstate_identify::result::FitReport;
 use wheelstate_identify::simulate::{Request, scenarios, simulate};
+use wheelstate_identify::solve::Loss;
 use wheelstate_identify::vehicle::Vehicle;
 
 fn simulated(scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Log {

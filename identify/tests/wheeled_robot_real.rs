@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use wheelstate::estimator::wheeled_robot::{Channels, Outputs, Parameters, WheeledRobot};
 use wheelstate::{Estimator, Variables};
 use wheelstate_identify::log::{ColumnMap, Log};
+use wheelstate_identify::problem::FitRequest;
 use wheelstate_identify::problem::fit;
 use wheelstate_identify::progress::Progress;
-use wheelstate_identify::request::FitRequest;
 use wheelstate_identify::tune::replay::Track;
 use wheelstate_identify::vehicle::Vehicle;
 

@@ -1,6 +1,6 @@
 //! Prediction of what the fit has not seen.
 
-use crate::report::{SignalFit, Trace};
+use crate::result::{SignalFit, Trace};
 
 /// A measured signal and its prediction, compared by the validation.
 #[derive(Clone, Debug)]

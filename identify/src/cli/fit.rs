@@ -3,10 +3,11 @@
 use super::settings::{self, Setting};
 use super::{LogArgs, Outcome, Refusal, keep_inputs, print, read_logs};
 use crate::output::Outputs;
-use crate::problem;
+use crate::problem::{self, FitRequest};
 use crate::progress::Progress;
-use crate::report::{self, FitReport};
-use crate::request::{FitRequest, Loss};
+use crate::report;
+use crate::result::FitReport;
+use crate::solve::Loss;
 use crate::vehicle::Vehicle;
 use clap::Args;
 use std::path::{Path, PathBuf};

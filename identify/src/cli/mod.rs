@@ -6,6 +6,7 @@ mod human;
 mod settings;
 mod simulate;
 mod tune;
+mod words;
 
 use crate::log::{ColumnMap, Log};
 use crate::progress::Progress;

@@ -65,7 +65,7 @@ pub fn start_values(vehicle: Vehicle, path: &Path) -> Result<Vec<(String, f64)>,
     };
     let is_fit = top.contains_key("format_version") || top.get("parameters").is_some_and(Value::is_object);
     if let Some(version) = top.get("format_version")
-        && version.as_u64() != Some(crate::report::FORMAT_VERSION.into())
+        && version.as_u64() != Some(crate::result::FORMAT_VERSION.into())
     {
         return Err(refuse(format!("format_version {version} is not known to this program")));
     }

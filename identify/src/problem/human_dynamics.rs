@@ -11,7 +11,7 @@ use super::{FitError, Judgement, Known, Prediction, Problem, Session, Target, Ta
 use crate::assess::Limits;
 use crate::log::Log;
 use crate::progress::Progress;
-use crate::report::Trace;
+use crate::result::Trace;
 use crate::solve::{Regression, Rows, Unknown};
 use crate::vehicle::Vehicle;
 use wheelstate::estimator::human_dynamics::variables::{GROUPS, JOINTS};

@@ -37,6 +37,7 @@ pub mod human_dynamics;
 pub mod known;
 pub mod noise;
 pub mod nursing_robot;
+mod request;
 pub mod session;
 pub mod weak_form;
 pub mod wheel_loader;
@@ -45,13 +46,13 @@ pub mod wheeled_robot;
 
 pub use crate::assess::validation::Prediction;
 pub use known::Known;
+pub use request::FitRequest;
 pub use session::{Fitted, Judgement, Session};
 
 use crate::assess::validation::signal_fit;
 use crate::log::{Log, LogError};
 use crate::progress::{Interrupted, Progress};
-use crate::report::{FORMAT_VERSION, FitReport, LogEntry, SignalFit, Trace, Validation};
-use crate::request::FitRequest;
+use crate::result::{FORMAT_VERSION, FitReport, LogEntry, SignalFit, Trace, Validation};
 use crate::solve::SolveError;
 use crate::vehicle::Vehicle;
 use wheelstate::{ParameterError, Variable};

@@ -1,10 +1,9 @@
 //! What a problem's `estimate` works with: solves, records estimates, and turns all of it into a report.
 
-use super::{FitError, Known, Target};
+use super::{FitError, FitRequest, Known, Target};
 use crate::assess::{Evidence, Limits, Verdict, verdict};
 use crate::progress::Progress;
-use crate::report::{CorrelationPair, Covariance, FitReport, Parameter, Verdict as Shade};
-use crate::request::FitRequest;
+use crate::result::{CorrelationPair, Covariance, FitReport, Parameter, Verdict as Shade};
 use crate::solve::{self, Accuracy, Loss, Options, Regression, Smooth, Solution, SolveError};
 use nalgebra::DVector;
 use std::collections::BTreeMap;

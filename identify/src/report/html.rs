@@ -2,7 +2,7 @@
 
 use super::plot::{self, PlotError};
 use super::table::{self, significant};
-use super::{FitReport, Trace};
+use crate::result::{FitReport, Trace};
 use askama::Template;
 use std::ops::Range;
 

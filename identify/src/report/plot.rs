@@ -1,6 +1,6 @@
 //! The plots of the report page, as SVG text.
 
-use super::{FitReport, Trace, Verdict};
+use crate::result::{FitReport, Trace, Verdict};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::ops::Range;

@@ -1,6 +1,6 @@
 //! The result as a parameter set of the System Structure and Parameterization standard (SSP 1.0).
 
-use super::FitReport;
+use crate::result::FitReport;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 

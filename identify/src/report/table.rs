@@ -1,6 +1,6 @@
 //! The result as a table for the terminal.
 
-use super::{FitReport, Parameter, SignalFit};
+use crate::result::{FitReport, Parameter, SignalFit};
 use std::fmt::Write;
 
 /// The table, at most about 100 columns wide, ending in a new line.
@@ -173,7 +173,7 @@ fn counted(count: usize, what: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::{CorrelationPair, LogEntry, Validation, Verdict};
+    use crate::result::{CorrelationPair, LogEntry, Validation, Verdict};
 
     fn sample() -> FitReport {
         let parameter = |value: f64, std_error: f64, unit: &str, verdict| Parameter {

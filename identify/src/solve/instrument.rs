@@ -7,8 +7,8 @@
 
 use super::compress::Compressor;
 use super::conic::Feasible;
+use super::covariance;
 use super::{Regression, Rows, Solution, SolveError, dot, polish};
-use crate::assess;
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
@@ -78,11 +78,11 @@ pub fn solve(regression: &Regression) -> Result<Solution, SolveError> {
             information[(index, index)] += 1.0 / (std * std);
         }
     }
-    let covariance = assess::inverse(&information);
+    let covariance = covariance::inverse(&information);
     Ok(Solution {
         name: regression.name.clone(),
         inverse_information: covariance.clone(),
-        condition_number: assess::condition_number(&whitened),
+        condition_number: covariance::condition_number(&whitened),
         residuals: regression.groups.iter().map(|group| group.residuals(&theta)).collect(),
         scales: regression
             .groups

@@ -23,6 +23,7 @@
 
 pub mod compress;
 pub mod conic;
+pub mod covariance;
 pub mod instrument;
 pub mod polish;
 pub mod refine;
@@ -30,9 +31,6 @@ pub mod robust;
 
 pub use refine::{Smooth, SmoothGroup, Trust, TrustNorm, refine};
 
-pub use crate::request::Loss;
-
-use crate::assess;
 use nalgebra::DMatrix;
 
 /// A linear regression `y = A theta + noise` under physical constraints.
@@ -211,6 +209,29 @@ pub enum Constraint {
     SecondOrder(Vec<Affine>),
 }
 
+/// Loss of the regression.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Loss {
+    /// Least squares.
+    Ls,
+    /// Huber: quadratic for small residuals, linear beyond [`HUBER_DELTA`] standard deviations.
+    #[default]
+    Huber,
+    /// Least absolute values.
+    L1,
+}
+
+impl Loss {
+    /// The word on the command line and in `fit.json`.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Ls => "ls",
+            Self::Huber => "huber",
+            Self::L1 => "l1",
+        }
+    }
+}
+
 /// Threshold of the Huber loss in standard deviations: 95 % efficiency under normal noise.
 pub const HUBER_DELTA: f64 = 1.345;
 
@@ -294,7 +315,7 @@ pub struct Solution {
     pub name: String,
     /// The unknowns.
     pub theta: Vec<f64>,
-    /// Their covariance (sandwich over clusters), see [`assess::covariance`].
+    /// Their covariance (sandwich over clusters), see [`covariance`].
     pub covariance: DMatrix<f64>,
     /// Estimated bias of each unknown: how far noise in the regressors ([`Rows::noise`]) and what the
     /// rows neglect ([`Rows::neglected`]) pull it. Not subtracted from `theta` unless
@@ -341,7 +362,7 @@ pub fn solve(regression: &Regression, options: &Options) -> Result<Solution, Sol
     if rows + priors < unknowns + 1 {
         return Err(SolveError::TooFewRows { regression: regression.name.clone(), rows, unknowns });
     }
-    if assess::is_singular(regression) {
+    if covariance::is_singular(regression) {
         return Err(SolveError::Singular { regression: regression.name.clone() });
     }
     if regression.groups.iter().any(|group| !group.instruments.is_empty()) {
@@ -360,7 +381,7 @@ pub fn solve(regression: &Regression, options: &Options) -> Result<Solution, Sol
         }
     }
     let minimum = robust::minimise(regression, &scales, options.loss, options)?;
-    Ok(assess::of_regression(regression, &scales, options, minimum))
+    Ok(covariance::of_regression(regression, &scales, options, minimum))
 }
 
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {

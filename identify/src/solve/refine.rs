@@ -6,9 +6,9 @@
 //! Equations: Gauss-Newton with Huber rows, one convex program per step.
 
 use super::{
-    Affine, Constraint, HUBER_DELTA, Loss, Options, Regression, Rows, Scale, Solution, SolveError, Unknown, robust,
+    Affine, Constraint, HUBER_DELTA, Loss, Options, Regression, Rows, Scale, Solution, SolveError, Unknown, covariance,
+    robust,
 };
-use crate::assess;
 use crate::progress::Progress;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -182,7 +182,7 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
         })
         .collect();
     let minimiser = robust::Minimiser { theta: vec![0.0; theta.len()], at_bound, accuracy };
-    let mut solution = assess::of_regression(&end, &scales, &options, minimiser);
+    let mut solution = covariance::of_regression(&end, &scales, &options, minimiser);
     solution.theta.iter_mut().zip(&theta).for_each(|(step, value)| *step += value);
     solution.cost = costs;
     Ok(solution)

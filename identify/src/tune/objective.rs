@@ -4,7 +4,7 @@ use super::replay::Track;
 use wheelstate::{Estimator, Variables};
 
 /// What a noise setting is judged by.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Objective {
     /// Negative log-likelihood of the innovations.
     #[default]

@@ -4,7 +4,7 @@ use super::dung_beetle::Optimum;
 use super::replay::Track;
 use super::{Candidate, Objective, Replay, TuneRequest};
 use crate::log::Log;
-use crate::report::{FORMAT_VERSION, FitReport, LogEntry, Parameter, Verdict};
+use crate::result::{FORMAT_VERSION, FitReport, LogEntry, Parameter, Verdict};
 use crate::vehicle::Vehicle;
 use nalgebra::DMatrix;
 use rayon::prelude::*;

@@ -5,7 +5,7 @@ use super::sway::{self, Passive};
 use super::{Windowed, passive, signals, use_accelerometer, windowed};
 use crate::problem::{Prediction, Task};
 use crate::progress::Progress;
-use crate::report::Trace;
+use crate::result::Trace;
 
 pub(super) fn validate(task: &Task) -> Vec<Prediction> {
     let Ok(mut logs) = windowed(task) else { return Vec::new() };

@@ -20,7 +20,7 @@ mod sample;
 use super::{FitError, Fitted, Judgement, Known, Prediction, Problem, Session, Target, Task};
 use crate::assess::Limits;
 use crate::log::Log;
-use crate::report::Trace;
+use crate::result::Trace;
 use crate::solve::{Affine, Constraint, Regression, Rows, Unknown};
 use crate::vehicle::Vehicle;
 use sample::{Machine, Sample, samples};

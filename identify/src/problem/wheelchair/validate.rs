@@ -3,7 +3,7 @@
 use super::rows::{B, C1, C2, D, FC, IP, M, ML, OVERLAP, Row, TAUC, UNKNOWNS};
 use super::{ACCEL_X_BIAS, ACCEL_Y_BIAS, signals, windows};
 use crate::problem::{Known, Prediction, Task};
-use crate::report::Trace;
+use crate::result::Trace;
 
 pub(super) fn validate(task: &Task) -> Vec<Prediction> {
     let Ok(logs) = windows(task) else { return Vec::new() };

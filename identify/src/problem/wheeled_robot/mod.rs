@@ -15,7 +15,7 @@ use super::{FitError, Fitted, Judgement, Prediction, Problem, Session, Target, T
 use crate::assess::Limits;
 use crate::log::{Log, LogError};
 use crate::progress::Progress;
-use crate::report::Trace;
+use crate::result::Trace;
 use crate::solve::{
     Loss, Regression, Rows, Scale, Smooth, SmoothGroup, Solution, SolveError, Trust, TrustNorm, Unknown, refine,
 };

@@ -1,7 +1,7 @@
 //! Covariance of robust regressions, conditioning and the bias of noisy regressors.
 
-use crate::solve::robust::Minimiser;
-use crate::solve::{HUBER_DELTA, Loss, Options, Regression, Solution, dot};
+use super::robust::Minimiser;
+use super::{HUBER_DELTA, Loss, Options, Regression, Solution, dot};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 

@@ -1,27 +1,6 @@
 //! What a fit is asked for, besides the logs.
 
-/// Loss of the regression.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Loss {
-    /// Least squares.
-    Ls,
-    /// Huber: quadratic for small residuals, linear beyond 1.345 standard deviations.
-    #[default]
-    Huber,
-    /// Least absolute values.
-    L1,
-}
-
-impl Loss {
-    /// The word on the command line and in `fit.json`.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Ls => "ls",
-            Self::Huber => "huber",
-            Self::L1 => "l1",
-        }
-    }
-}
+use crate::solve::Loss;
 
 /// Settings of a fit.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,0 +1,38 @@
+//! The words of the command line for choices of the numerics, which know no command line.
+
+use crate::solve::Loss;
+use crate::tune::Objective;
+use clap::ValueEnum;
+use clap::builder::PossibleValue;
+
+impl ValueEnum for Loss {
+    fn value_variants<'a>() -> &'a [Self] {
+        &[Self::Ls, Self::Huber, Self::L1]
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.word()).help(match self {
+            Self::Ls => "Least squares",
+            Self::Huber => "Huber: quadratic for small residuals, linear beyond 1.345 standard deviations",
+            Self::L1 => "Least absolute values",
+        }))
+    }
+}
+
+impl ValueEnum for Objective {
+    fn value_variants<'a>() -> &'a [Self] {
+        &[Self::Nll, Self::Rmse]
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.word()).help(match self {
+            Self::Nll => "Negative log-likelihood of the innovations",
+            Self::Rmse => {
+                "Root mean square error: of the filtered outputs against the measured ones where the estimator \
+                 reports it, the source's choice; else of the estimates against the log's true_* columns, each over \
+                 its standard deviation. Degenerate: it does not know the scale of the noises, and the first pays for \
+                 following noise"
+            }
+        }))
+    }
+}
