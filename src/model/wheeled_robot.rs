@@ -157,9 +157,9 @@ impl WheeledRobot {
         x
     }
 
-    /// Slopes of the lateral forces over the slip angles at fixed loads, N/rad.
-    pub fn cornering_slopes(&self, slip_angle: Wheels, load: Wheels, drive: &Drive) -> Wheels {
-        self.tires.slopes(slip_angle, load, drive.longitudinal, self.combined)
+    /// Derivatives of the lateral forces by the slip angles at fixed loads, N/rad.
+    pub fn cornering_stiffness(&self, slip_angle: Wheels, load: Wheels, drive: &Drive) -> Wheels {
+        self.tires.cornering_stiffness(slip_angle, load, drive.longitudinal, self.combined)
     }
 }
 

@@ -67,8 +67,8 @@ impl WheeledRobot {
         out.healthy = s.samples > 0 && !unusable.iter().any(|bit| s.status.contains(*bit));
     }
 
-    /// Standard deviations of the lateral forces from that of the slip angles, through the slope of the
-    /// tyre's curve, N.
+    /// Standard deviations of the lateral forces from that of the slip angles, through the
+    /// tyres' cornering stiffness, N.
     fn lateral_std(
         &self,
         x: &[f64; 3],
@@ -78,13 +78,13 @@ impl WheeledRobot {
         spread: impl Fn([f64; 3]) -> f64,
     ) -> Wheels {
         let slip = driven.slip_angles(x);
-        let slope = self.model.cornering_slopes(slip, *load, drive);
+        let stiffness = self.model.cornering_stiffness(slip, *load, drive);
         let (along, across) = driven.hub_velocities(x);
         let arms = [self.model.cg_to_front, self.model.cg_to_front, -self.model.cg_to_rear, -self.model.cg_to_rear];
         std::array::from_fn(|i| {
             let speed = along[i].abs().max(self.model.minimum_speed);
             let turn = if along[i].abs() > self.model.minimum_speed { -across[i] / (speed * along[i]) } else { 0.0 };
-            slope[i].abs() * spread([turn, 1.0 / speed, arms[i] / speed])
+            stiffness[i].abs() * spread([turn, 1.0 / speed, arms[i] / speed])
         })
     }
 

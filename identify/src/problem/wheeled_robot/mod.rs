@@ -105,7 +105,7 @@ fn with(tire: &Tire, theta: &[f64; 4]) -> Tire {
 
 /// Lateral force of an axle, N.
 fn axle_force(tires: &Tires, instant: &Instant, axle: usize, combined: bool) -> f64 {
-    instant.explained(&tires.lateral(instant.slip, instant.load, instant.longitudinal, combined))[axle]
+    instant.explained(&tires.lateral_forces(instant.slip, instant.load, instant.longitudinal, combined))[axle]
 }
 
 fn unknowns(tire: &Tire) -> [f64; 4] {

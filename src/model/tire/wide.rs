@@ -1,67 +1,12 @@
-//! Lateral tyre force by the Magic Formula with load-dependent stiffness and friction.
-//!
-//! With slip angle `alpha` and vertical load `Fz`, lifted to `f = max(Fz, 1e-6 Fz0)`:
-//!
-//! ```text
-//! mu = max(mu0 + mu1 (f/Fz0 - 1), 0.05 mu0)              friction
-//! D  = mu f                                              peak force
-//! K  = K0 sin(2 atan(f/(c2 Fz0))) / sin(2 atan(1/c2))    cornering stiffness; K0 f/Fz0 if c2 = 0
-//! B  = K / (C D)
-//! Fy = D sin(C atan(B alpha - E (B alpha - atan(B alpha)))),  0 if Fz <= 0
-//! ```
-//!
-//! Positive slip angle gives positive (leftward) force. CN117406607B names B, C, D, E; its formula is
-//! an image that the published text lacks. The load laws are those of Pacejka's tyre book.
+//! The Magic Formula of a vehicle's four tyres side by side, in SIMD lanes: what the filter's sigma points cost.
+//! The definition is [`Tire`]; here it is rearranged so that no sine and no division is wasted.
 
-use super::lanes::{Angle, arc_tangent, sine};
+use super::Tire;
+use crate::model::lanes::{Angle, arc_tangent, sine};
 use wide::f64x4;
 
-/// One tyre.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tire {
-    /// Cornering stiffness `K0` at the nominal load, N/rad.
-    pub stiffness: f64,
-    /// Nominal load `Fz0`, N.
-    pub nominal_load: f64,
-    /// Load at the greatest stiffness over the nominal load, `c2`; 0 makes stiffness proportional to load.
-    pub load_sensitivity: f64,
-    /// Shape `C`, 1 to 2.2.
-    pub shape: f64,
-    /// Friction `mu0` at the nominal load.
-    pub friction: f64,
-    /// Change of friction per relative change of load, `mu1`.
-    pub friction_slope: f64,
-    /// Curvature `E`, at most 1.
-    pub curvature: f64,
-}
-
-/// The coefficients of the Magic Formula at one load.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Coefficients {
-    /// Stiffness factor, 1/rad.
-    pub b: f64,
-    /// Shape.
-    pub c: f64,
-    /// Peak force, N.
-    pub d: f64,
-    /// Curvature.
-    pub e: f64,
-}
-
-impl Tire {
-    /// The coefficients under a vertical load, N.
-    pub fn coefficients(&self, load: f64) -> Coefficients {
-        let tires = Tires::new(self, self);
-        let (peak, b) = tires.peak_and_stiffness(f64x4::splat(load));
-        Coefficients { b: b.to_array()[0], c: self.shape, d: peak.to_array()[0], e: self.curvature }
-    }
-
-    /// Lateral force at a slip angle (rad) under a vertical load (N), N.
-    pub fn lateral_force(&self, slip_angle: f64, load: f64) -> f64 {
-        let (slip_angle, load) = (f64x4::splat(slip_angle), f64x4::splat(load));
-        Tires::new(self, self).lateral_forces(&[slip_angle], &[load], f64x4::ZERO, false)[0].to_array()[0]
-    }
-}
+/// One number per wheel, in the order front left, front right, rear left, rear right.
+type Wheels = [f64; 4];
 
 /// The four tyres of a vehicle, lane by lane: front left, front right, rear left, rear right.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,31 +49,19 @@ impl Tires {
         (mu * f, b)
     }
 
-    /// As [`lateral_forces`](Self::lateral_forces), with plain arrays.
-    pub fn lateral(&self, slip_angle: [f64; 4], load: [f64; 4], longitudinal: [f64; 4], combined: bool) -> [f64; 4] {
-        let [slip_angle, load, longitudinal] = [slip_angle, load, longitudinal].map(f64x4::new);
-        self.lateral_forces(&[slip_angle], &[load], longitudinal, combined)[0].to_array()
-    }
-
-    /// Lateral forces at slip angles (rad) under loads (N), N, in one or several states of a vehicle.
+    /// Lateral forces at slip angles (rad) under loads (N), N.
     ///
-    /// `combined` takes the share of friction that the longitudinal forces (N) use away by the
-    /// friction ellipse, `Fy sqrt(1 - (Fx/D)²)`.
-    #[inline(always)]
-    pub fn lateral_forces<const K: usize>(
-        &self,
-        slip_angle: &[f64x4; K],
-        load: &[f64x4; K],
-        longitudinal: f64x4,
-        combined: bool,
-    ) -> [f64x4; K] {
-        let curves = load.map(|load| self.curves(load, longitudinal, combined));
-        self.on_curves(slip_angle, &curves, &mut [Angles::default(); K], false)
+    /// `combined` takes the share of friction that the longitudinal forces (N) use away:
+    /// [`Tire::lateral_share`].
+    pub fn lateral_forces(&self, slip_angle: Wheels, load: Wheels, longitudinal: Wheels, combined: bool) -> Wheels {
+        let curves = self.curves(f64x4::new(load), f64x4::new(longitudinal), combined);
+        let [force] = self.on_curves(&[f64x4::new(slip_angle)], &[curves], &mut [Angles::default()], false);
+        force.to_array()
     }
 
     /// The tyres' curves under loads, N.
     #[inline(always)]
-    pub(super) fn curves(&self, load: f64x4, longitudinal: f64x4, combined: bool) -> Curves {
+    pub(in crate::model) fn curves(&self, load: f64x4, longitudinal: f64x4, combined: bool) -> Curves {
         let (peak, stiffness) = self.peak_and_stiffness(load);
         let mut height = load.simd_gt(f64x4::ZERO) & peak;
         if combined {
@@ -143,7 +76,7 @@ impl Tires {
     /// The states go side by side from stage to stage: each is one long chain of dependent operations, and
     /// several keep the processor busy. `nearby` says that the angles of a similar load are in `angles`.
     #[inline(always)]
-    pub(super) fn on_curves<const K: usize>(
+    pub(in crate::model) fn on_curves<const K: usize>(
         &self,
         slip_angle: &[f64x4; K],
         curves: &[Curves; K],
@@ -161,8 +94,15 @@ impl Tires {
         std::array::from_fn(|k| force(k).flip_signs(slip_angle[k]))
     }
 
-    /// Slopes of the lateral forces over the slip angle at slip angles (rad) under loads (N), N/rad.
-    pub fn slopes(&self, slip_angle: [f64; 4], load: [f64; 4], longitudinal: [f64; 4], combined: bool) -> [f64; 4] {
+    /// [`Tire::cornering_stiffness`] at slip angles (rad) under loads (N), the forces reduced as in
+    /// [`lateral_forces`](Self::lateral_forces), N/rad.
+    pub fn cornering_stiffness(
+        &self,
+        slip_angle: Wheels,
+        load: Wheels,
+        longitudinal: Wheels,
+        combined: bool,
+    ) -> Wheels {
         let Curves { height, stiffness } = self.curves(f64x4::new(load), f64x4::new(longitudinal), combined);
         let straight = stiffness * f64x4::new(slip_angle).abs();
         let bent = straight - self.curvature * (straight - arc_tangent(straight));
@@ -175,7 +115,7 @@ impl Tires {
 
 /// Four tyres' curves of force over slip angle at given loads.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Curves {
+pub(in crate::model) struct Curves {
     /// Greatest forces, N.
     height: f64x4,
     /// Stiffness factors `B`, 1/rad.
@@ -184,7 +124,52 @@ pub(super) struct Curves {
 
 /// The angles inside the Magic Formula.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Angles {
+pub(in crate::model) struct Angles {
     inner: Angle,
     outer: Angle,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// To 3e-14 of the peak force and of the greatest stiffness, over the whole range of shapes.
+    #[test]
+    fn four_tyres_side_by_side_are_the_magic_formula() {
+        let mut tyres = 0;
+        for (shape, curvature) in [(1.0, 1.0), (1.3, -4.0), (1.4, -0.2), (2.2, 0.9), (1.9, -50.0)] {
+            for (load_sensitivity, friction_slope) in [(0.0, 0.0), (2.0, -0.1), (0.8, 0.4), (5.0, -2.0)] {
+                let (stiffness, nominal_load, friction) = (1318.464, 147.15, 0.8);
+                let front =
+                    Tire { stiffness, nominal_load, load_sensitivity, shape, friction, friction_slope, curvature };
+                let rear = Tire { stiffness: 2000.0, nominal_load: 200.0, ..front };
+                let tires = Tires::new(&front, &rear);
+                for k in 0..400 {
+                    let slip: [f64; 4] = std::array::from_fn(|i| 1.5 * (0.37 * f64::from(k) + i as f64).sin());
+                    let load = std::array::from_fn(|i| 400.0 * (0.73 * f64::from(k) + 2.0 * i as f64).sin().powi(3));
+                    let longitudinal = std::array::from_fn(|i| 90.0 * (0.51 * f64::from(k) + i as f64).sin());
+                    for combined in [false, true] {
+                        let force = tires.lateral_forces(slip, load, longitudinal, combined);
+                        let stiffness = tires.cornering_stiffness(slip, load, longitudinal, combined);
+                        for i in 0..4 {
+                            let tire = if i < 2 { &front } else { &rear };
+                            let share = if combined { tire.lateral_share(longitudinal[i], load[i]) } else { 1.0 };
+                            let peak = tire.coefficients(load[i]).d;
+                            let expected = share * tire.lateral_force(slip[i], load[i]);
+                            let slope = share * tire.cornering_stiffness(slip[i], load[i]);
+                            let steepest = tire.cornering_stiffness(0.0, load[i]);
+                            assert!((force[i] - expected).abs() <= 3e-14 * peak, "{expected} N, {} N", force[i]);
+                            assert!(
+                                (stiffness[i] - slope).abs() <= 3e-14 * steepest,
+                                "{slope} N/rad, {}",
+                                stiffness[i]
+                            );
+                        }
+                    }
+                    tyres += 4;
+                }
+            }
+        }
+        assert_eq!(tyres, 32_000);
+    }
 }

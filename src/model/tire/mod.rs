@@ -1,0 +1,95 @@
+//! Lateral tyre force by the Magic Formula with load-dependent stiffness and friction.
+//!
+//! With slip angle `alpha` and vertical load `Fz`, lifted to `f = max(Fz, 1e-6 Fz0)`:
+//!
+//! ```text
+//! mu = max(mu0 + mu1 (f/Fz0 - 1), 0.05 mu0)              friction
+//! D  = mu f                                              peak force
+//! K  = K0 sin(2 atan(f/(c2 Fz0))) / sin(2 atan(1/c2))    cornering stiffness; K0 f/Fz0 if c2 = 0
+//! B  = K / (C D)
+//! Fy = D sin(C atan(B alpha - E (B alpha - atan(B alpha)))),  0 if Fz <= 0
+//! ```
+//!
+//! Positive slip angle gives positive (leftward) force. CN117406607B names B, C, D, E; its formula is
+//! an image that the published text lacks. The load laws are those of Pacejka's tyre book.
+//!
+//! [`Tire`] is the definition; [`Tires`] computes four tyres side by side and is held to it by its tests.
+
+mod wide;
+
+pub use wide::Tires;
+pub(super) use wide::{Angles, Curves};
+
+/// One tyre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tire {
+    /// Cornering stiffness `K0` at the nominal load, N/rad.
+    pub stiffness: f64,
+    /// Nominal load `Fz0`, N.
+    pub nominal_load: f64,
+    /// Load at the greatest stiffness over the nominal load, `c2`; 0 makes stiffness proportional to load.
+    pub load_sensitivity: f64,
+    /// Shape `C`, 1 to 2.2.
+    pub shape: f64,
+    /// Friction `mu0` at the nominal load.
+    pub friction: f64,
+    /// Change of friction per relative change of load, `mu1`.
+    pub friction_slope: f64,
+    /// Curvature `E`, at most 1.
+    pub curvature: f64,
+}
+
+/// The coefficients of the Magic Formula at one load.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coefficients {
+    /// Stiffness factor, 1/rad.
+    pub b: f64,
+    /// Shape.
+    pub c: f64,
+    /// Peak force, N.
+    pub d: f64,
+    /// Curvature.
+    pub e: f64,
+}
+
+impl Tire {
+    /// The coefficients under a vertical load, N.
+    pub fn coefficients(&self, load: f64) -> Coefficients {
+        let f = load.max(1e-6 * self.nominal_load);
+        let share = f / self.nominal_load;
+        let mu = (self.friction + self.friction_slope * (share - 1.0)).max(0.05 * self.friction);
+        let (c, d, e) = (self.shape, mu * f, self.curvature);
+        let c2 = self.load_sensitivity;
+        let bend = |x: f64| (2.0 * x.atan()).sin();
+        let k = self.stiffness * if c2 > 0.0 { bend(share / c2) / bend(1.0 / c2) } else { share };
+        Coefficients { b: k / (c * d), c, d, e }
+    }
+
+    /// Lateral force at a slip angle (rad) under a vertical load (N), N.
+    pub fn lateral_force(&self, slip_angle: f64, load: f64) -> f64 {
+        if load <= 0.0 {
+            return 0.0;
+        }
+        let Coefficients { b, c, d, e } = self.coefficients(load);
+        let x = b * slip_angle;
+        d * (c * (x - e * (x - x.atan())).atan()).sin()
+    }
+
+    /// Share of the lateral force that a longitudinal force (N) leaves, by the friction ellipse: `sqrt(1 - (Fx/D)²)`.
+    pub fn lateral_share(&self, longitudinal: f64, load: f64) -> f64 {
+        let used = longitudinal / self.coefficients(load).d;
+        (1.0 - used * used).max(0.0).sqrt()
+    }
+
+    /// Cornering stiffness `dFy/dalpha` at a slip angle (rad) under a vertical load (N), N/rad.
+    pub fn cornering_stiffness(&self, slip_angle: f64, load: f64) -> f64 {
+        if load <= 0.0 {
+            return 0.0;
+        }
+        let Coefficients { b, c, d, e } = self.coefficients(load);
+        let x = b * slip_angle;
+        let y = x - e * (x - x.atan());
+        let y_x = 1.0 - e + e / (1.0 + x * x);
+        d * (c * y.atan()).cos() * c / (1.0 + y * y) * y_x * b
+    }
+}
