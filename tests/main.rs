@@ -18,6 +18,7 @@ mod counting;
 mod support;
 
 mod filter;
+mod walls;
 
 mod human_dynamics;
 mod nursing_robot;

@@ -1,0 +1,142 @@
+//! The one list of who may import whom: crates, and the modules inside them.
+//!
+//! A module stands with the modules of its own crate and the other crates (`wheelstate`, or one module of it,
+//! `wheelstate::variable`) that it may name. What stands inside a module, down to the next one that is listed, belongs
+//! to it. Crates from outside the workspace are free, except those in [`CONFINED`].
+
+/// A crate of the workspace and its walls.
+pub struct Crate {
+    /// Its name in paths.
+    pub name: &'static str,
+    /// Its folder of sources, or its only source file.
+    pub source: &'static str,
+    /// Parts of that folder that are crates of their own.
+    pub except: &'static [&'static str],
+    /// Each module with what it may use.
+    pub modules: &'static [(&'static str, &'static [&'static str])],
+}
+
+/// All crates.
+pub const CRATES: &[Crate] = &[
+    Crate {
+        name: "wheelstate",
+        source: "src",
+        except: &[],
+        modules: &[
+            ("variable", &[]),
+            ("status", &["variable"]),
+            // The three that never see one another: how to estimate, what is estimated, what is true. An error of a
+            // model cannot hide behind the same error in the plant or in the filter.
+            ("filter", &[]),
+            ("model", &["variable"]),
+            ("plant", &[]),
+            ("estimator", &["filter", "model", "status", "variable"]),
+        ],
+    },
+    Crate {
+        name: "wheelstate_log",
+        source: "identify/log/src",
+        except: &[],
+        modules: &[
+            ("guard", &[]),
+            ("progress", &[]),
+            ("output", &[]),
+            // The readers and the log that they fill belong together.
+            ("", &["guard", "progress"]),
+        ],
+    },
+    Crate {
+        name: "wheelstate_identify",
+        source: "identify/src",
+        except: &["main.rs"],
+        modules: &[
+            // Numerics know logs, vehicles, reports and the command line as little as the core does.
+            ("solve", &["wheelstate_log::progress"]),
+            ("result", &["wheelstate_log"]),
+            ("assess", &["result"]),
+            ("vehicle", &["wheelstate"]),
+            ("estimate", &["wheelstate", "wheelstate_log"]),
+            ("problem", &["assess", "result", "solve", "vehicle", "wheelstate", "wheelstate_log"]),
+            ("simulate", &["estimate", "vehicle", "wheelstate", "wheelstate_log"]),
+            ("tune", &["result", "vehicle", "wheelstate", "wheelstate_log"]),
+            ("report", &["result"]),
+            (
+                "cli",
+                &[
+                    "estimate",
+                    "problem",
+                    "report",
+                    "result",
+                    "simulate",
+                    "solve",
+                    "tune",
+                    "vehicle",
+                    "wheelstate",
+                    "wheelstate_log",
+                ],
+            ),
+        ],
+    },
+    Crate {
+        name: "program identify",
+        source: "identify/src/main.rs",
+        except: &[],
+        modules: &[("", &["wheelstate_identify::cli"])],
+    },
+    Crate {
+        name: "wheelstate_fmu",
+        source: "fmu/src",
+        except: &["bin"],
+        modules: &[
+            ("clock", &[]),
+            ("phase", &[]),
+            ("machine", &["wheelstate"]),
+            ("describe", &["model", "wheelstate"]),
+            ("model", &["describe", "machine", "wheelstate"]),
+            ("snapshot", &["instance", "machine", "model", "phase", "wheelstate"]),
+            ("instance", &["clock", "machine", "model", "phase", "snapshot", "wheelstate"]),
+            ("abi::logger", &["abi::boundary", "describe", "instance"]),
+            ("abi::boundary", &["abi::logger", "instance", "phase"]),
+            ("abi", &["abi::boundary", "abi::logger", "describe", "instance", "model", "phase", "wheelstate"]),
+            ("pack", &["describe", "model", "wheelstate"]),
+        ],
+    },
+    Crate {
+        name: "program pack",
+        source: "fmu/src/bin/pack.rs",
+        except: &[],
+        modules: &[("", &["wheelstate_fmu::model", "wheelstate_fmu::pack"])],
+    },
+    Crate {
+        name: "program replay",
+        source: "fmu/src/bin/replay",
+        except: &[],
+        modules: &[
+            ("messages", &[]),
+            // It steps an FMU through logs: it reads them as `identify` does and writes the outputs as one.
+            ("master", &["messages", "wheelstate", "wheelstate_fmu::model", "wheelstate_log"]),
+        ],
+    },
+];
+
+/// Circles that wait to be repaired: arrows that are not counted when the list is searched for circles.
+pub const CIRCLES: &[(&str, &str)] = &[
+    ("wheelstate_fmu::describe", "wheelstate_fmu::model"),
+    ("wheelstate_fmu::snapshot", "wheelstate_fmu::instance"),
+    ("wheelstate_fmu::abi::logger", "wheelstate_fmu::abi::boundary"),
+];
+
+/// Crates from outside that only these modules may name: the command line and the numerics know nothing of each other.
+pub const CONFINED: &[(&str, &[&str])] = &[
+    ("clap", &["wheelstate_identify::cli", "wheelstate_identify::vehicle", "program pack", "program replay"]),
+    ("clarabel", &["wheelstate_identify::solve"]),
+    ("plotters", &["wheelstate_identify::report"]),
+    ("askama", &["wheelstate_identify::report"]),
+    ("csv", &["wheelstate_log"]),
+    ("parquet", &["wheelstate_log"]),
+    ("mf4_rs", &["wheelstate_log"]),
+    ("fmi", &["program replay"]),
+];
+
+/// The only folder with `unsafe`: the C boundary of the FMUs.
+pub const UNSAFE: &str = "fmu/src/abi";
