@@ -7,7 +7,7 @@ use wheelstate::model::tire::Tire;
 use wheelstate_identify::log::Log;
 use wheelstate_identify::problem::FitRequest;
 use wheelstate_identify::problem::fit;
-use wheelstate_identify::problem::wheeled_robot::axles::{Instant, axles, tires as tires_of};
+use wheelstate_identify::problem::wheeled_robot::axles::{Instant, axles};
 use wheelstate_identify::problem::wheeled_robot::solve;
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::result::FitReport;
@@ -185,7 +185,7 @@ fn the_fit_is_as_good_as_an_independent_least_squares() {
     let strong = log("sine", 3, &[("plant.lateral", 5.0), ("plant.duration", 20.0)]);
     let p = Parameters::default();
     for (about, log) in [("gentle", gentle), ("strong", strong), ("beyond the limit", beyond_the_limit(3))] {
-        let pair = tires_of(&p);
+        let pair = [p.tire.front, p.tire.rear];
         let found = axles(&log, &p).unwrap();
         let instants: Vec<_> = found.instants.iter().map(|instant| (0, instant)).collect();
         for axle in 0..2 {

@@ -8,3 +8,8 @@ pub mod tire;
 pub mod wheel_loader;
 pub mod wheelchair;
 pub mod wheeled_robot;
+
+/// Standard gravity, m/s².
+pub const STANDARD_GRAVITY: f64 = 9.80665;
+/// Gravity as the sources of the nursing robot and of the wheeled robot round it, m/s².
+pub const ROUNDED_GRAVITY: f64 = 9.81;

@@ -6,35 +6,15 @@ use wheelstate::Estimator;
 use wheelstate::estimator::wheeled_robot::{Inputs, Outputs, Parameters, WheeledRobot as Robot};
 use wheelstate::filter::sliding_mode::SlidingMode;
 use wheelstate::filter::srckf::SrCkf;
-use wheelstate::model::tire::{Tire, Tires};
-use wheelstate::model::wheeled_robot::{Drive, Integrator, Motion, WheeledRobot};
+use wheelstate::model::tire::TireSet;
+use wheelstate::model::wheeled_robot::{Drive, Integrator, Motion, Vehicle, WheeledRobot};
 
 fn main() {
     divan::main();
 }
 
 fn robot() -> WheeledRobot {
-    let tire = Tire {
-        stiffness: 1318.464,
-        nominal_load: 147.15,
-        load_sensitivity: 2.0,
-        shape: 1.4,
-        friction: 0.8,
-        friction_slope: -0.1,
-        curvature: -0.2,
-    };
-    WheeledRobot {
-        mass: 60.0,
-        yaw_inertia: 7.5,
-        cg_to_front: 0.38,
-        cg_to_rear: 0.42,
-        track_front: 0.6,
-        track_rear: 0.62,
-        cg_height: 0.25,
-        tires: Tires::new(&tire, &tire),
-        minimum_speed: 0.5,
-        combined: false,
-    }
+    WheeledRobot::new(&Vehicle::default(), &TireSet::default(), 0.5)
 }
 
 #[divan::bench]
@@ -63,7 +43,7 @@ fn observers_of_four_wheels(bencher: Bencher) {
 #[divan::bench]
 fn forces(bencher: Bencher) {
     let (robot, drive) = (robot(), Drive::new(0.1, [3.0; 4]));
-    bencher.bench_local(|| robot.forces(black_box(&[3.0, 0.1, 0.4]), black_box(&drive)));
+    bencher.bench_local(|| robot.driven(black_box(&drive)).forces_of(black_box(&[[3.0, 0.1, 0.4]])));
 }
 
 #[divan::bench]

@@ -5,8 +5,8 @@ use nalgebra::{SVector, Vector3, Vector4};
 use serde_json::Value;
 use wheelstate::filter::sliding_mode::{Adaptation, SlidingMode};
 use wheelstate::filter::srckf::SrCkf;
-use wheelstate::model::tire::{Tire, Tires};
-use wheelstate::model::wheeled_robot::{Drive, Integrator, Motion, WheeledRobot, wheel_torque};
+use wheelstate::model::tire::{Tire, TireSet};
+use wheelstate::model::wheeled_robot::{Drive, Integrator, Motion, Vehicle, WheeledRobot, wheel_torque};
 
 const FOLDER: &str = "wheeled_robot";
 
@@ -32,7 +32,7 @@ fn robot(combined: bool) -> WheeledRobot {
     let params = params();
     let v = &params["vehicle"];
     let number = |key: &str| v[key].as_f64().unwrap();
-    WheeledRobot {
+    let vehicle = Vehicle {
         mass: number("m"),
         yaw_inertia: number("Iz"),
         cg_to_front: number("lf"),
@@ -40,10 +40,9 @@ fn robot(combined: bool) -> WheeledRobot {
         track_front: number("tf"),
         track_rear: number("tr"),
         cg_height: number("h"),
-        tires: Tires::new(&tire(&v["front"]), &tire(&v["rear"])),
-        minimum_speed: number("v_min"),
-        combined,
-    }
+    };
+    let tire = TireSet { front: tire(&v["front"]), rear: tire(&v["rear"]), combined };
+    WheeledRobot::new(&vehicle, &tire, number("v_min"))
 }
 
 #[test]
@@ -87,17 +86,19 @@ fn model() {
         let robot = robot(at("combined") != 0.0);
         let x = [at("vx"), at("vy"), at("r")];
         let drive = Drive::new(at("delta"), four("fx"));
-        let forces = robot.forces(&x, &drive);
-        for i in 0..4 {
-            assert_close(&format!("row {row} alpha"), forces.slip_angle[i], four("alpha")[i], 1e-12, 1e-13);
-            assert_close(&format!("row {row} fz"), forces.load[i], four("fz")[i], 1e-12, 1e-9);
-            assert_close(&format!("row {row} fy"), forces.lateral[i], four("fy")[i], 1e-12, 1e-10);
+        let driven = robot.driven(&drive);
+        for forces in driven.forces_of(&[x]).into_iter().chain([robot.forces(&x, &drive)]) {
+            for i in 0..4 {
+                assert_close(&format!("row {row} alpha"), forces.slip_angle[i], four("alpha")[i], 1e-12, 1e-13);
+                assert_close(&format!("row {row} fz"), forces.load[i], four("fz")[i], 1e-12, 1e-9);
+                assert_close(&format!("row {row} fy"), forces.lateral[i], four("fy")[i], 1e-12, 1e-10);
+            }
+            assert_close(&format!("row {row} ax"), forces.accel_x, at("ax"), 1e-12, 1e-11);
+            assert_close(&format!("row {row} ay"), forces.accel_y, at("ay"), 1e-12, 1e-11);
         }
-        assert_close(&format!("row {row} ax"), forces.accel_x, at("ax"), 1e-12, 1e-11);
-        assert_close(&format!("row {row} ay"), forces.accel_y, at("ay"), 1e-12, 1e-11);
         let rate = robot.derivative(&x, &drive);
-        let euler = robot.advance(&x, &drive, 0.01, Integrator::Euler, 1);
-        let rk4 = robot.advance(&x, &drive, 0.01, Integrator::Rk4, 1);
+        let [euler] = driven.advance_of([x], 0.01, Integrator::Euler, 1);
+        let [rk4] = driven.advance_of([x], 0.01, Integrator::Rk4, 1);
         for (i, name) in ["vx", "vy", "r"].iter().enumerate() {
             assert_close(&format!("row {row} d{name}"), rate[i], at(&format!("d{name}")), 1e-12, 1e-10);
             assert_close(&format!("row {row} euler {name}"), euler[i], at(&format!("euler_{name}")), 1e-12, 1e-12);

@@ -6,7 +6,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::f64::consts::TAU;
-use wheelstate::estimator::wheeled_robot::{Parameters, TireAxle};
+use wheelstate::estimator::wheeled_robot::Parameters;
+use wheelstate::model::tire::Tire;
 use wheelstate::plant::wheeled_robot::{Controls, Machine, State, TireLaw, Truth};
 use wheelstate::{Variables, variables};
 
@@ -101,7 +102,7 @@ pub fn simulate(request: &Request) -> Result<Log, SimulateError> {
 }
 
 fn machine(p: &Parameters, plant: &Plant) -> Machine {
-    let tire = |t: &TireAxle| TireLaw {
+    let tire = |t: &Tire| TireLaw {
         stiffness: t.stiffness,
         nominal: t.nominal_load,
         sensitivity: t.load_sensitivity,

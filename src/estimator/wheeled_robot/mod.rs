@@ -32,15 +32,13 @@ mod wheels;
 
 pub use parameters::{
     Axle, Channels, Filter, Imu, Initial, Inputs, MeasurementStd, Method, Observer, Outputs, Parameters, ProcessStd,
-    Rolling, TireAxle, TireSet, Vehicle, Wheel,
 };
 pub use wheels::WheelStates;
 
 use super::{Estimator, StateError};
 use crate::filter::srckf::SrCkf;
-use crate::model::tire::{Tire, Tires};
 use crate::model::wheeled_robot::{
-    Drive, Driven, GRAVITY, Integrator, Motion, WheeledRobot as Model, Wheels, lateral_rate, specific_force_at,
+    Drive, Driven, Integrator, Motion, WheeledRobot as Model, Wheels, specific_force_at,
 };
 use crate::{ParameterError, Status, Variables};
 use nalgebra::{SMatrix, SVector, Vector3, Vector4};
@@ -299,19 +297,7 @@ impl Estimator for WheeledRobot {
     fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
         parameters.validate()?;
         let p = parameters;
-        let v = &p.vehicle;
-        let model = Model {
-            mass: v.mass,
-            yaw_inertia: v.yaw_inertia,
-            cg_to_front: v.cg_to_front,
-            cg_to_rear: v.cg_to_rear,
-            track_front: v.track_front,
-            track_rear: v.track_rear,
-            cg_height: v.cg_height,
-            tires: Tires::new(&tire(&p.tire.front), &tire(&p.tire.rear)),
-            minimum_speed: p.filter.minimum_speed,
-            combined: p.tire.combined,
-        };
+        let model = Model::new(&p.vehicle, &p.tire, p.filter.minimum_speed);
         check_observer(p)?;
         let rate = check_integrator(p, &model)?;
         let wheels = WheelObservers::new(p);
@@ -412,18 +398,6 @@ fn start(parameters: &Parameters, model: &Model, wheels: &WheelObservers) -> Sta
     }
 }
 
-fn tire(axle: &TireAxle) -> Tire {
-    Tire {
-        stiffness: axle.stiffness,
-        nominal_load: axle.nominal_load,
-        load_sensitivity: axle.load_sensitivity,
-        shape: axle.shape,
-        friction: axle.friction,
-        friction_slope: axle.friction_slope,
-        curvature: axle.curvature,
-    }
-}
-
 fn refuse(name: &str, value: f64, unit: &'static str, reason: String) -> ParameterError {
     ParameterError { name: name.to_owned(), value, unit, reason }
 }
@@ -463,14 +437,7 @@ fn stable(p: &Parameters) -> f64 {
 
 /// The rate of the lateral dynamics at the minimum speed, 1/s. Explicit integration must not overshoot at the minimum speed, where the lateral dynamics are fastest.
 fn check_integrator(p: &Parameters, model: &Model) -> Result<f64, ParameterError> {
-    let weight = p.vehicle.mass * GRAVITY;
-    let base = p.vehicle.cg_to_front + p.vehicle.cg_to_rear;
-    let axle = |axle: &TireAxle, lever: f64| {
-        let c = tire(axle).coefficients(0.5 * weight * lever / base);
-        2.0 * c.b * c.c * c.d
-    };
-    let (front, rear) = (axle(&p.tire.front, p.vehicle.cg_to_rear), axle(&p.tire.rear, p.vehicle.cg_to_front));
-    let rate = lateral_rate(model, front, rear, p.filter.minimum_speed);
+    let rate = model.lateral_rate(p.filter.minimum_speed);
     let limit = stable(p);
     let needed = (rate * p.sample_period / limit).ceil();
     if f64::from(p.filter.substeps) >= needed {

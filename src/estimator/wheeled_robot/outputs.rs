@@ -79,25 +79,18 @@ impl WheeledRobot {
     ) -> Wheels {
         let slip = driven.slip_angles(x);
         let stiffness = self.model.cornering_stiffness(slip, *load, drive);
-        let (along, across) = driven.hub_velocities(x);
-        let arms = [self.model.cg_to_front, self.model.cg_to_front, -self.model.cg_to_rear, -self.model.cg_to_rear];
-        std::array::from_fn(|i| {
-            let speed = along[i].abs().max(self.model.minimum_speed);
-            let turn = if along[i].abs() > self.model.minimum_speed { -across[i] / (speed * along[i]) } else { 0.0 };
-            stiffness[i].abs() * spread([turn, 1.0 / speed, arms[i] / speed])
-        })
+        let derivatives = self.model.slip_derivatives(x, drive);
+        std::array::from_fn(|i| stiffness[i].abs() * spread(derivatives[i]))
     }
 
     /// Standard deviations of the wheel loads from those of the forces that shift them, N.
     fn load_std(&self, lateral_std: &Wheels) -> Wheels {
-        let m = &self.model;
-        let sum = |list: &Wheels| list.iter().sum::<f64>() / m.mass;
+        let vehicle = &self.model.vehicle;
+        let sum = |list: &Wheels| list.iter().sum::<f64>() / vehicle.mass;
         // errors of the wheels of one vehicle share their causes, so they are added whole
         let (ax_std, ay_std) = (sum(&self.state.wheels.force_std), sum(lateral_std));
-        let base = m.cg_to_front + m.cg_to_rear;
-        let pitch = 0.5 * m.mass * ax_std * m.cg_height / base;
-        let front = m.mass * ay_std * m.cg_height * m.cg_to_rear / (base * m.track_front);
-        let rear = m.mass * ay_std * m.cg_height * m.cg_to_front / (base * m.track_rear);
+        let [pitch, front, rear] = vehicle.load_transfer();
+        let (pitch, front, rear) = (pitch * ax_std, front * ay_std, rear * ay_std);
         [pitch.hypot(front), pitch.hypot(front), pitch.hypot(rear), pitch.hypot(rear)]
     }
 }

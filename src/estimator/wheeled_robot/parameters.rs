@@ -1,6 +1,8 @@
 //! Declared variables of the wheeled robot: parameters, inputs, outputs.
 
 use crate::Status;
+use crate::model::tire::TireSet;
+use crate::model::wheeled_robot::{Rolling, Vehicle, Wheel};
 
 choice! {
     /// Which measurements the filter uses, besides an optional reference speed.
@@ -31,78 +33,6 @@ choice! {
         Rear = "rear",
         /// The front axle.
         Front = "front",
-    }
-}
-
-variables! {
-    /// Masses and lengths.
-    pub struct Vehicle {
-        /// Mass.
-        mass: f64 = 60.0, "kg", [0.1, 1e6];
-        /// Yaw inertia about the centre of gravity.
-        yaw_inertia: f64 = 7.5, "kg.m2", [1e-4, 1e8];
-        /// Distance of the centre of gravity from the front axle.
-        cg_to_front: f64 = 0.38, "m", [0.001, 50.0];
-        /// Distance of the centre of gravity from the rear axle.
-        cg_to_rear: f64 = 0.42, "m", [0.001, 50.0];
-        /// Distance of the front wheels from each other.
-        track_front: f64 = 0.60, "m", [0.001, 20.0];
-        /// Distance of the rear wheels from each other.
-        track_rear: f64 = 0.62, "m", [0.001, 20.0];
-        /// Height of the centre of gravity above the ground.
-        cg_height: f64 = 0.25, "m", [0.0, 20.0];
-    }
-}
-
-variables! {
-    /// Wheels, all four alike.
-    pub struct Wheel {
-        /// Rolling radius.
-        radius: f64 = 0.15, "m", [0.001, 10.0];
-        /// Moment of inertia of one wheel with all that turns with it, a motor's rotor reflected through its gear included.
-        inertia: f64 = 0.06, "kg.m2", [1e-8, 1e5];
-        /// Longitudinal force per slip and per load, which corrects the speed taken from slipping wheels; 0 if the wheels are taken to roll without slip. Typically 15 to 30.
-        slip_stiffness: f64 = 0.0, "1", [0.0, 1000.0];
-    }
-}
-
-variables! {
-    /// Tyre of one axle in the Magic Formula.
-    pub struct TireAxle {
-        /// Cornering stiffness of one wheel at the nominal load (K0).
-        stiffness: f64 = 1318.464, "N/rad", [1e-2, 1e8];
-        /// Nominal load of one wheel (Fz0).
-        nominal_load: f64 = 147.15, "N", [1e-2, 1e7];
-        /// Load of the greatest stiffness over the nominal load (c2); 0 makes the stiffness proportional to the load.
-        load_sensitivity: f64 = 2.0, "1", [0.0, 1000.0];
-        /// Shape factor (C).
-        shape: f64 = 1.4, "1", [1.0, 2.2];
-        /// Friction at the nominal load (mu0).
-        friction: f64 = 0.8, "1", [0.01, 10.0];
-        /// Change of the friction per relative change of the load (mu1).
-        friction_slope: f64 = -0.1, "1", [-2.0, 2.0];
-        /// Curvature factor (E).
-        curvature: f64 = -0.2, "1", [-50.0, 1.0];
-    }
-}
-
-variables! {
-    /// Tyres.
-    pub struct TireSet {
-        /// Front tyres.
-        front: TireAxle;
-        /// Rear tyres.
-        rear: TireAxle;
-        /// Whether longitudinal force takes lateral grip away, by the friction ellipse.
-        combined: bool = false, "1";
-    }
-}
-
-variables! {
-    /// Rolling resistance.
-    pub struct Rolling {
-        /// Rolling resistance over load, taken off the wheels' torque.
-        coefficient: f64 = 0.0, "1", [0.0, 1.0];
     }
 }
 

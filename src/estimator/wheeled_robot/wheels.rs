@@ -168,12 +168,12 @@ impl WheelObservers {
     fn forces_from_acceleration(&self, state: &mut WheelStates, model: &WheeledRobot, now: &Now) {
         let weight: f64 = now.load.iter().sum();
         let sideways = (now.lateral[0] + now.lateral[1]) * now.drive.steering_sin();
-        let whole = if state.acceleration_seen { model.mass * state.acceleration + sideways } else { 0.0 };
+        let whole = if state.acceleration_seen { model.vehicle.mass * state.acceleration + sideways } else { 0.0 };
         for i in 0..4 {
             let share = now.load[i] / weight;
             state.force[i] = share * whole;
             // how the force is shared among the wheels is not known
-            state.force_std[i] = share * (whole.abs() + model.mass * self.accel_std);
+            state.force_std[i] = share * (whole.abs() + model.vehicle.mass * self.accel_std);
         }
     }
 
@@ -189,9 +189,9 @@ impl WheelObservers {
     fn axle_speed(&self, state: &WheelStates, model: &WheeledRobot, now: &Now, left: usize) -> Sample {
         let [_, vy, r] = now.x;
         let (half_track, uy, s) = if left == 0 {
-            (0.5 * model.track_front, vy + model.cg_to_front * r, now.drive.steering_sin())
+            (0.5 * model.vehicle.track_front, vy + model.vehicle.cg_to_front * r, now.drive.steering_sin())
         } else {
-            (0.5 * model.track_rear, 0.0, 0.0)
+            (0.5 * model.vehicle.track_rear, 0.0, 0.0)
         };
         let c = (1.0 - s * s).sqrt().max(0.1);
         let one = |i: usize, offset: f64| {

@@ -20,23 +20,37 @@ mod wide;
 pub use wide::Tires;
 pub(super) use wide::{Angles, Curves};
 
-/// One tyre.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tire {
-    /// Cornering stiffness `K0` at the nominal load, N/rad.
-    pub stiffness: f64,
-    /// Nominal load `Fz0`, N.
-    pub nominal_load: f64,
-    /// Load at the greatest stiffness over the nominal load, `c2`; 0 makes stiffness proportional to load.
-    pub load_sensitivity: f64,
-    /// Shape `C`, 1 to 2.2.
-    pub shape: f64,
-    /// Friction `mu0` at the nominal load.
-    pub friction: f64,
-    /// Change of friction per relative change of load, `mu1`.
-    pub friction_slope: f64,
-    /// Curvature `E`, at most 1.
-    pub curvature: f64,
+variables! {
+    /// Tyre of one axle in the Magic Formula.
+    #[derive(Copy)]
+    pub struct Tire {
+        /// Cornering stiffness of one wheel at the nominal load (K0).
+        stiffness: f64 = 1318.464, "N/rad", [1e-2, 1e8];
+        /// Nominal load of one wheel (Fz0).
+        nominal_load: f64 = 147.15, "N", [1e-2, 1e7];
+        /// Load of the greatest stiffness over the nominal load (c2); 0 makes the stiffness proportional to the load.
+        load_sensitivity: f64 = 2.0, "1", [0.0, 1000.0];
+        /// Shape factor (C).
+        shape: f64 = 1.4, "1", [1.0, 2.2];
+        /// Friction at the nominal load (mu0).
+        friction: f64 = 0.8, "1", [0.01, 10.0];
+        /// Change of the friction per relative change of the load (mu1).
+        friction_slope: f64 = -0.1, "1", [-2.0, 2.0];
+        /// Curvature factor (E).
+        curvature: f64 = -0.2, "1", [-50.0, 1.0];
+    }
+}
+
+variables! {
+    /// Tyres.
+    pub struct TireSet {
+        /// Front tyres.
+        front: Tire;
+        /// Rear tyres.
+        rear: Tire;
+        /// Whether longitudinal force takes lateral grip away, by the friction ellipse.
+        combined: bool = false, "1";
+    }
 }
 
 /// The coefficients of the Magic Formula at one load.

@@ -18,7 +18,6 @@
 use crate::log::{Log, LogError};
 use wheelstate::estimator::wheeled_robot::Parameters;
 use wheelstate::filter::sliding_mode::SlidingMode;
-use wheelstate::model::tire::Tire;
 use wheelstate::model::wheeled_robot::{Drive, GRAVITY, WheeledRobot, wheel_torque};
 
 /// Half length of the smoothing window, s.
@@ -85,36 +84,6 @@ pub struct Axles {
     pub forces_from: &'static str,
 }
 
-/// Front and rear tyre as the parameters have them.
-pub fn tires(p: &Parameters) -> [Tire; 2] {
-    [&p.tire.front, &p.tire.rear].map(|t| Tire {
-        stiffness: t.stiffness,
-        nominal_load: t.nominal_load,
-        load_sensitivity: t.load_sensitivity,
-        shape: t.shape,
-        friction: t.friction,
-        friction_slope: t.friction_slope,
-        curvature: t.curvature,
-    })
-}
-
-/// The planar model with given tyres.
-pub fn model(p: &Parameters, front: &Tire, rear: &Tire) -> WheeledRobot {
-    let v = &p.vehicle;
-    WheeledRobot {
-        mass: v.mass,
-        yaw_inertia: v.yaw_inertia,
-        cg_to_front: v.cg_to_front,
-        cg_to_rear: v.cg_to_rear,
-        track_front: v.track_front,
-        track_rear: v.track_rear,
-        cg_height: v.cg_height,
-        tires: wheelstate::model::tire::Tires::new(front, rear),
-        minimum_speed: p.filter.minimum_speed,
-        combined: p.tire.combined,
-    }
-}
-
 /// Reads a log. Needs `steering_angle`, `accel_y`, `gyro_z`, `speed_y`, and `speed_x` or `speed`.
 pub fn axles(log: &Log, p: &Parameters) -> Result<Axles, LogError> {
     let period = log.period();
@@ -131,13 +100,12 @@ pub fn axles(log: &Log, p: &Parameters) -> Result<Axles, LogError> {
     let accel_y = smooth(log.require("accel_y")?);
     let accel_x = log.channel("accel_x").map_or_else(|| derivative(&speed, &log.time), smooth);
     let turn = derivative(&gyro, &log.time);
-    let [front, rear] = tires(p);
-    let model = model(p, &front, &rear);
+    let model = WheeledRobot::new(&p.vehicle, &p.tire, p.filter.minimum_speed);
     let (forces, forces_from) = forces(log, p, &model, &accel_x);
     let forces = forces.map(|force| smooth(&force));
     let torque_force = torque_force(log, p, period).map(|force| smooth(&force));
 
-    let (v, base) = (&p.vehicle, p.vehicle.cg_to_front + p.vehicle.cg_to_rear);
+    let (v, base) = (&p.vehicle, p.vehicle.wheelbase());
     let lateral_noise = remaining_noise(raw, &lateral_speed, half);
     let mut axles = Axles { forces_from, lateral_noise, ..Axles::default() };
     // Neighbours within the window are correlated; clusters of a second are independent enough.

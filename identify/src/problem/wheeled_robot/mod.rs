@@ -20,11 +20,12 @@ use crate::solve::{
     Loss, Regression, Rows, Scale, Smooth, SmoothGroup, Solution, SolveError, Trust, TrustNorm, Unknown, refine,
 };
 use crate::vehicle::Vehicle;
-use axles::{Axles, Instant, axles, model, tires};
+use axles::{Axles, Instant, axles};
 use std::f64::consts::{LN_2, LN_10};
 use wheelstate::Variables;
 use wheelstate::estimator::wheeled_robot::Parameters;
 use wheelstate::model::tire::{Tire, Tires};
+use wheelstate::model::wheeled_robot::WheeledRobot;
 
 /// The problem.
 pub const PROBLEM: Problem = Problem { known: || Vehicle::WheeledRobot.parameters(), targets, estimate, validate };
@@ -77,7 +78,7 @@ fn read(task: &Task) -> Result<(Parameters, Vec<Axles>), LogError> {
 
 fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     let (p, logs) = read(task)?;
-    let mut pair = tires(&p);
+    let mut pair = [p.tire.front, p.tire.rear];
     for axle in 0..2 {
         let names: Vec<String> = (0..4).map(|parameter| name(axle, parameter)).collect();
         if names.iter().any(|name| task.wants(name)) {
@@ -163,8 +164,7 @@ fn tire(
 
 /// Stiffness factor `B` at the static load, and the slip angle that 2 % of the instants exceed.
 fn reach(p: &Parameters, tire: &Tire, instants: &[(usize, &Instant)], axle: usize) -> (f64, f64) {
-    let [front, rear] = tires(p);
-    let load = model(p, &front, &rear).loads(0.0, 0.0)[2 * axle];
+    let load = WheeledRobot::new(&p.vehicle, &p.tire, p.filter.minimum_speed).loads(0.0, 0.0)[2 * axle];
     let mut angles: Vec<f64> = instants.iter().map(|(_, instant)| instant.slip[2 * axle].abs()).collect();
     angles.sort_by(f64::total_cmp);
     (tire.coefficients(load).b, angles[(angles.len() - 1) * 98 / 100])
@@ -290,8 +290,7 @@ fn rolling(logs: &[Axles], session: &mut Session) -> Result<(), FitError> {
 
 fn validate(task: &Task) -> Vec<Prediction> {
     let Ok((p, logs)) = read(task) else { return Vec::new() };
-    let [front, rear] = tires(&p);
-    let tires = Tires::new(&front, &rear);
+    let tires = Tires::new(&p.tire.front, &p.tire.rear);
     let mut all = Vec::new();
     for (log, source) in logs.iter().zip(task.logs) {
         for (axle, which) in AXLES.iter().enumerate() {
