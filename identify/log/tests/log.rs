@@ -1,5 +1,4 @@
 //! Logs: what is read is what was written, and what cannot be a log is refused with one line.
-#![allow(missing_docs)]
 
 use proptest::prelude::*;
 use std::fs::File;

@@ -1,0 +1,4 @@
+//! All tests of logs in one program, which links once.
+
+mod damaged;
+mod log;
