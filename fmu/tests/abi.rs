@@ -1,11 +1,10 @@
 //! The C functions: which are allowed when, and what garbage, panics and refusals do.
 #![allow(unsafe_code)]
 
-mod support;
-
+use crate::support::catalogue;
+use crate::support::host::{Host, callbacks, instantiate, last_message, messages, model};
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::ptr::{null, null_mut};
-use support::host::{Host, callbacks, instantiate, last_message, messages, model};
 use wheelstate_fmu::abi::*;
 use wheelstate_fmu::describe::guid;
 
@@ -256,13 +255,13 @@ fn instantiate_refuses_with_the_reason_even_if_logging_is_off() {
     }
     // and does without any callbacks
     unsafe {
-        let c = instantiate_from(support::catalogue, c"one".as_ptr(), 1, right.as_ptr(), null(), null(), 0, 1);
+        let c = instantiate_from(catalogue, c"one".as_ptr(), 1, right.as_ptr(), null(), null(), 0, 1);
         assert!(!c.is_null());
         assert_eq!(fmi2DoStep(c, 0.0, 1.0, 0), ERROR);
         fmi2FreeInstance(c);
         let mut none = callbacks();
         none.logger = None;
-        let c = instantiate_from(support::catalogue, c"one".as_ptr(), 1, right.as_ptr(), null(), &none, 0, 1);
+        let c = instantiate_from(catalogue, c"one".as_ptr(), 1, right.as_ptr(), null(), &none, 0, 1);
         assert_eq!(fmi2DoStep(c, 0.0, 1.0, 0), ERROR);
         fmi2FreeInstance(c);
     }
@@ -416,7 +415,7 @@ fn parameters_are_read_as_they_will_start() {
 
 #[test]
 fn a_caught_panic_prints_nothing_to_the_hosts_stderr() {
-    let test = "a_panic_is_fatal_for_the_instance_and_harmless_for_the_host";
+    let test = "abi::a_panic_is_fatal_for_the_instance_and_harmless_for_the_host";
     let own = std::env::current_exe().unwrap();
     let run = std::process::Command::new(own).args([test, "--exact", "--nocapture"]).output().unwrap();
     let (out, err) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));

@@ -1,13 +1,11 @@
 //! Our FMUs through the `fmi` crate, and our signatures against the official headers.
 #![allow(unsafe_code)]
 
-mod support;
-
+use crate::support::random;
 use fmi::fmi2::binding;
 use fmi::fmi2::import::Fmi2Import;
 use fmi::fmi2::instance::{CoSimulation, Common};
 use fmi::traits::FmiImport;
-use support::random;
 use wheelstate_fmu::abi;
 use wheelstate_fmu::model::{Model, Place, Type, models};
 use wheelstate_fmu::pack::{library::Library, write};

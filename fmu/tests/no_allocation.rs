@@ -1,12 +1,8 @@
 //! `fmi2DoStep` allocates nothing; an instance is small.
 #![allow(unsafe_code)]
 
-#[path = "../../tests/support/counting.rs"]
-mod counting;
-mod support;
-
-use counting::{allocations, held_bytes};
-use support::Lag;
+use crate::counting::{allocations, held_bytes};
+use crate::support::Lag;
 use wheelstate::variable::Kind;
 use wheelstate_fmu::instance::Instance;
 use wheelstate_fmu::model::{Model, Place, Type, models};

@@ -1,15 +1,11 @@
 //! Random calls with random arguments: no sequence crashes, hangs, leaks, loses an instance, answers
 //! with anything but a legal status, or lets NaN or infinity into an output.
-#![allow(unsafe_code, missing_docs)]
+#![allow(unsafe_code)]
 
-#[path = "../../tests/support/counting.rs"]
-mod counting;
-mod support;
-
-use counting::held_bytes;
+use crate::counting::held_bytes;
+use crate::support::host::{callbacks, last_message, messages};
 use std::ffi::{CString, c_char, c_int, c_uint};
 use std::ptr::{null, null_mut};
-use support::host::{callbacks, last_message, messages};
 use wheelstate_fmu::abi::*;
 use wheelstate_fmu::describe::guid;
 use wheelstate_fmu::model::{Model, Place, Type, models};

@@ -1,9 +1,7 @@
 //! Time: which samples a step takes, with which inputs, and what the outputs then are.
 
-mod support;
-
-use support::host::{Host, last_message};
-use support::{Inputs, Lag, Outputs, Parameters, random};
+use crate::support::host::{Host, last_message};
+use crate::support::{Inputs, Lag, Outputs, Parameters, random};
 use wheelstate::Estimator;
 use wheelstate_fmu::abi::{ERROR, OK};
 

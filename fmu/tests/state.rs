@@ -1,12 +1,10 @@
 //! Copied, restored and serialised states.
 #![allow(unsafe_code)]
 
-mod support;
-
+use crate::support::host::{Host, last_message};
+use crate::support::random;
 use proptest::prelude::*;
 use std::ptr::null_mut;
-use support::host::{Host, last_message};
-use support::random;
 use wheelstate_fmu::abi::*;
 
 const PERIOD: f64 = 0.01;

@@ -1,9 +1,7 @@
 //! Rules for the declared variables and the XML that no validator checks.
 
-mod support;
-
+use crate::support::Lag;
 use std::collections::BTreeSet;
-use support::Lag;
 use wheelstate::Status;
 use wheelstate::variable::Kind;
 use wheelstate_fmu::describe::{guid, number, units, xml};

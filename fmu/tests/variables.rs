@@ -14,7 +14,7 @@ fn the_list_of_variables_is_up_to_date() {
     let written = std::fs::read_to_string(&path).unwrap_or_default();
     assert!(
         written == declared,
-        "{} is not what the declarations say; WHEELSTATE_UPDATE=1 cargo test -p wheelstate-fmu --test variables rewrites it",
+        "{} is not what the declarations say; WHEELSTATE_UPDATE=1 cargo test -p wheelstate-fmu variables rewrites it",
         path.display()
     );
 }

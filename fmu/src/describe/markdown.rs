@@ -9,7 +9,7 @@ use wheelstate::{Status, Variable};
 pub fn variables(models: &[Model]) -> String {
     let mut text = String::from(
         "# Variables of the FMUs\n\n\
-         Written from the declarations in `src/estimator`; `cargo test -p wheelstate-fmu --test variables` holds the two\n\
+         Written from the declarations in `src/estimator`; `cargo test -p wheelstate-fmu variables` holds the two\n\
          together and rewrites this file when WHEELSTATE_UPDATE is set. NaN in an input marked *measured* means \"no sample\".\n",
     );
     for model in models {
