@@ -1,5 +1,4 @@
 //! The `identify` program as a user meets it: exit codes, one-line refusals, nothing half-written.
-#![allow(missing_docs)]
 
 use assert_cmd::Command;
 use std::path::Path;

@@ -1,5 +1,4 @@
 //! The files that a fit leaves behind, read back by other means than the code that wrote them.
-#![allow(missing_docs)]
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,5 +1,5 @@
 """No filter with the wheeled robot's default noise settings keeps speed_x within 1.2 times its error when every second
-sample is missing in a turn; identify/tests/wheeled_robot.rs measures what the estimator loses."""
+sample is missing in a turn; identify/tests/wheeled_robot/accuracy.rs measures what the estimator loses."""
 
 import sys
 from pathlib import Path

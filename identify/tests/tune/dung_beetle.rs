@@ -1,10 +1,7 @@
 //! The dung beetle optimiser against reference vectors, and what it must refuse.
 
-#[path = "../../tests/support/mod.rs"]
-mod support;
-
+use crate::support::{assert_close, median, vector_table, vector_text};
 use std::f64::consts::TAU;
-use support::{assert_close, median, vector_table, vector_text};
 use wheelstate_identify::tune::dung_beetle::{Optimum, SearchError, Settings, minimise};
 use wheelstate_identify::tune::rng::Rng;
 

@@ -1,12 +1,9 @@
 //! Whole fits of the nursing robot: what is found, what is refused, and why.
 
-#[path = "../../tests/support/mod.rs"]
-mod support;
-
+use crate::support::{vector_table, vector_text};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use support::{vector_table, vector_text};
 use wheelstate_identify::log::Log;
 use wheelstate_identify::problem::FitRequest;
 use wheelstate_identify::problem::{FitError, fit};

@@ -1,5 +1,4 @@
 //! Runs the nursing robot's estimator over simulated logs.
-#![allow(dead_code, missing_docs)]
 
 use wheelstate::Estimator;
 use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Outputs, Parameters};

@@ -1,9 +1,6 @@
 //! Identification of the nursing robot against the reference vectors.
 
-#[path = "../../tests/support/mod.rs"]
-mod support;
-
-use support::{assert_close, vector_table, vector_text};
+use crate::support::{assert_close, vector_table, vector_text};
 use wheelstate_identify::problem::nursing_robot::refine::{Segment, Setup, refine};
 use wheelstate_identify::problem::nursing_robot::rows::{self, Body, Drive, Signals, Windows};
 use wheelstate_identify::problem::nursing_robot::sway::Passive;

@@ -1,8 +1,5 @@
 //! The wheeled robot's estimator on its own plant: accuracy, consistency, observability.
 
-#[path = "../../tests/support/mod.rs"]
-mod support;
-
 use wheelstate::estimator::wheeled_robot::{Channels, Outputs, Parameters, WheeledRobot};
 use wheelstate::{Estimator, Status};
 use wheelstate_identify::log::Log;

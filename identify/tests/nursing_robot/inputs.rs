@@ -1,9 +1,6 @@
 //! Every row of the specification's table of bad inputs: one 70 kg person, a smooth start of 8 s.
-#![allow(missing_docs)]
 
-mod drive;
-
-use drive::{PERIOD, inputs, rms, simulated};
+use super::drive::{PERIOD, inputs, rms, simulated};
 use nalgebra::SMatrix;
 use wheelstate::estimator::nursing_robot::sway::SwayBelief;
 use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Outputs};

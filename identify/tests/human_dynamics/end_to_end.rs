@@ -247,7 +247,7 @@ fn seated_torques_and_their_spread() {
 fn run(toml: &str, log: &str) -> (i32, String, Option<String>) {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    let urdf = include_str!("../../tests/human_dynamics/two_link.urdf");
+    let urdf = include_str!("../../../tests/human_dynamics/two_link.urdf");
     std::fs::write(path("body.urdf"), urdf).unwrap();
     std::fs::write(path("sensors.toml"), toml).unwrap();
     std::fs::write(path("log.csv"), log).unwrap();
@@ -363,7 +363,7 @@ fn refusals_name_file_and_place() {
 fn bench_prints_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let urdf = folder.path().join("body.urdf");
-    std::fs::write(&urdf, include_str!("../../tests/human_dynamics/two_link.urdf")).unwrap();
+    std::fs::write(&urdf, include_str!("../../../tests/human_dynamics/two_link.urdf")).unwrap();
     let toml = folder.path().join("s.toml");
     std::fs::write(&toml, with("type = \"joint_acceleration\"\njoint = \"ankle\"\nvariance = 1e-6\ncolumns = [\"x\"]"))
         .unwrap();

@@ -1,13 +1,8 @@
 //! Accuracy of the online estimates over many simulated patients, against the acceptance table of the
 //! specification (M2-M6, U2-U5), and whether the reported standard deviations are honest.
-#![allow(missing_docs)]
 
-mod drive;
-#[path = "../../tests/support/mod.rs"]
-mod support;
-
-use drive::{PERIOD, estimates, rms, simulated};
-use support::{median, quantile};
+use super::drive::{PERIOD, estimates, rms, simulated};
+use crate::support::{median, quantile};
 use wheelstate::Status;
 use wheelstate::estimator::nursing_robot::{Outputs, Parameters, SwayModel};
 

@@ -9,9 +9,7 @@ use wheelstate_identify::simulate::{Request, simulate};
 use wheelstate_identify::tune::replay::Track;
 use wheelstate_identify::vehicle::Vehicle;
 
-#[path = "../../tests/support/mod.rs"]
-mod support;
-use support::{median, quantile};
+use crate::support::{median, quantile};
 
 const SEEDS: u64 = 50;
 const TRUTH: [f64; 3] = [19.0, 0.95, 0.45];

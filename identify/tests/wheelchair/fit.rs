@@ -1,9 +1,6 @@
 //! The wheelchair's scenarios and its fit.
 
-#[path = "../../tests/support/mod.rs"]
-mod support;
-
-use support::{assert_close, median, vector_table, vector_text};
+use crate::support::{assert_close, median, vector_table, vector_text};
 use wheelstate::Estimator;
 use wheelstate::estimator::wheelchair::{Inputs, Outputs, Parameters, Wheelchair};
 use wheelstate::model::wheelchair::wheel_angles;

@@ -1,10 +1,7 @@
 //! Accuracy of the nursing robot's identification over simulated patients, and whether the intervals
 //! are honest. The plant is the exact five-coordinate robot with motor lag, sensor noise and quantisation.
 
-#[path = "../../tests/support/mod.rs"]
-mod support;
-
-use support::{median, quantile};
+use crate::support::{median, quantile};
 use wheelstate::Variables;
 use wheelstate::estimator::nursing_robot::Parameters;
 use wheelstate_identify::log::Log;

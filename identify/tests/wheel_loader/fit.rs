@@ -10,9 +10,7 @@ use wheelstate_identify::simulate::{Request, simulate};
 use wheelstate_identify::solve::{Loss, Options, solve};
 use wheelstate_identify::vehicle::Vehicle;
 
-#[path = "../../tests/support/mod.rs"]
-mod support;
-use support::{median, quantile};
+use crate::support::{median, quantile};
 
 fn log(scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Log {
     let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();

@@ -1,0 +1,4 @@
+//! The human body.
+
+mod end_to_end;
+mod recordings;

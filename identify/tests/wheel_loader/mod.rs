@@ -1,0 +1,5 @@
+//! The wheel loader.
+
+mod accuracy;
+mod fit;
+mod random_machines;

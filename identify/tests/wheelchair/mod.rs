@@ -1,0 +1,3 @@
+//! The wheelchair.
+
+mod fit;

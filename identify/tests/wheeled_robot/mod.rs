@@ -1,0 +1,6 @@
+//! The wheeled robot.
+
+mod accuracy;
+mod fit;
+mod recordings;
+mod tune;
