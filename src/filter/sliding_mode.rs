@@ -1,7 +1,7 @@
-//! Sliding-mode observer of the unknown force on a rotor: `J w' = T - R F`.
+//! Sliding-mode observer of the unknown force in an equation of motion such as a wheel's, `J w' = T - R F`.
 //!
-//! The rotor's speed `w` and torque `T` are measured, the force `F` at radius `R` is not. The observer
-//! copies the rotor, keeps the copy's error `s = w - w_hat` small by an injection, and reads the force
+//! The speed `w` and the torque `T` are measured, the force `F` is not. The observer gets the equation from
+//! outside ([`ForcedMotion`]), copies its motion, keeps the copy's error `s = w - w_hat` small by an injection, and reads the force
 //! from the injection that was needed (CN117406607B, claim 1, step 2):
 //!
 //! ```text
@@ -37,13 +37,19 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The rotor and the observer's settings.
+/// An equation of motion, linear in a known torque and an unknown force.
+pub trait ForcedMotion {
+    /// `w'` under a torque and a force, for a wheel `(T - R F)/J`.
+    fn acceleration(&self, torque: f64, force: f64) -> f64;
+    /// The force that balances a torque, for a wheel `T/R`.
+    fn balance(&self, torque: f64) -> f64;
+    /// The force that changes `w'` by -1, for a wheel `J/R`.
+    fn force_per_acceleration(&self) -> f64;
+}
+
+/// The observer's settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SlidingMode {
-    /// Moment of inertia `J`, kg m².
-    pub inertia: f64,
-    /// Radius `R` at which the force acts, m.
-    pub radius: f64,
     /// Linear gain `k`, 1/s.
     pub gain: f64,
     /// Amplitude `eps` of the smooth switching term, rad/s².
@@ -122,12 +128,18 @@ impl SlidingMode {
     /// Takes one sample of speed (rad/s) and torque (N m) and gives the force, N.
     ///
     /// A speed that is not finite is a missing sample: the copy runs on with the last force, which is held.
-    pub fn step(&self, state: &mut SlidingModeState, speed: f64, torque: f64, dt: f64) -> f64 {
-        let (j, r) = (self.inertia, self.radius);
+    pub fn step(
+        &self,
+        motion: &impl ForcedMotion,
+        state: &mut SlidingModeState,
+        speed: f64,
+        torque: f64,
+        dt: f64,
+    ) -> f64 {
         if !speed.is_finite() {
             state.stale = state.stale.saturating_add(1);
             if state.started {
-                state.acceleration = (torque - r * state.force) / j;
+                state.acceleration = motion.acceleration(torque, state.force);
                 state.speed += dt * state.acceleration;
             }
             return state.force;
@@ -138,11 +150,11 @@ impl SlidingMode {
         }
         let s = speed - state.speed;
         let injection = self.gain * s + state.amplitude * (self.width * s).tanh();
-        let nominal = state.nominal + if self.feedforward { torque / r } else { 0.0 };
-        let force = (nominal - j / r * injection).clamp(-self.force_limit, self.force_limit);
+        let nominal = state.nominal + if self.feedforward { motion.balance(torque) } else { 0.0 };
+        let force = (nominal - motion.force_per_acceleration() * injection).clamp(-self.force_limit, self.force_limit);
 
         let before = (state.force, state.nominal, state.stale);
-        state.acceleration = (torque - r * nominal) / j + injection;
+        state.acceleration = motion.acceleration(torque, nominal) + injection;
         state.speed += dt * state.acceleration;
         state.nominal += dt * self.nominal_rate * (force - nominal);
         state.force = force;
@@ -163,15 +175,15 @@ impl SlidingMode {
 
     /// The error budget: standard deviation of the last force, N, from the standard deviations of
     /// speed noise (rad/s), torque noise and torque bias (N m), and the relative error of the inertia.
-    pub fn force_std(&self, state: &SlidingModeState, known: &Knowledge, dt: f64) -> f64 {
-        let (j, r) = (self.inertia, self.radius);
+    pub fn force_std(&self, motion: &impl ForcedMotion, state: &SlidingModeState, known: &Knowledge, dt: f64) -> f64 {
+        let per_acceleration = motion.force_per_acceleration();
         let kappa = self.layer_gain(state.amplitude);
         let sampled = (kappa * dt).min(1.9);
-        let speed = j / r * kappa * known.speed_noise * (2.0 / (2.0 - sampled)).sqrt();
+        let speed = per_acceleration * kappa * known.speed_noise * (2.0 / (2.0 - sampled)).sqrt();
         let through = if self.feedforward { 1.0 } else { (sampled / (2.0 - sampled)).sqrt() };
-        let torque = known.torque_noise / r * through;
-        let bias = known.torque_bias / r;
-        let inertia = known.inertia_error * j / r * state.acceleration;
+        let torque = motion.balance(known.torque_noise) * through;
+        let bias = motion.balance(known.torque_bias);
+        let inertia = known.inertia_error * per_acceleration * state.acceleration;
         // a held force is as wrong as the force may have moved since
         let held = f64::from(state.stale.min(1_000_000)) * dt * (state.lag * kappa).abs();
         (speed * speed + torque * torque + bias * bias + inertia * inertia + state.lag * state.lag + held * held).sqrt()

@@ -7,7 +7,7 @@ use wheelstate::estimator::wheeled_robot::{Inputs, Outputs, Parameters, WheeledR
 use wheelstate::filter::sliding_mode::SlidingMode;
 use wheelstate::filter::srckf::SrCkf;
 use wheelstate::model::tire::TireSet;
-use wheelstate::model::wheeled_robot::{Drive, Integrator, Motion, Vehicle, WheeledRobot};
+use wheelstate::model::wheeled_robot::{Drive, Integrator, Motion, Vehicle, Wheel, WheeledRobot};
 
 fn main() {
     divan::main();
@@ -19,9 +19,8 @@ fn robot() -> WheeledRobot {
 
 #[divan::bench]
 fn observers_of_four_wheels(bencher: Bencher) {
+    let wheel = Wheel::default();
     let observer = SlidingMode {
-        inertia: 0.06,
-        radius: 0.15,
         gain: 10.0,
         amplitude: 246.0,
         width: 20.0 / 246.0,
@@ -35,7 +34,7 @@ fn observers_of_four_wheels(bencher: Bencher) {
     bencher.bench_local(|| {
         time += 0.01;
         for state in &mut states {
-            observer.step(state, black_box(20.0 + 0.1 * time), black_box(1.0), 0.01);
+            observer.step(&wheel, state, black_box(20.0 + 0.1 * time), black_box(1.0), 0.01);
         }
     });
 }

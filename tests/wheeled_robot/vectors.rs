@@ -6,7 +6,7 @@ use serde_json::Value;
 use wheelstate::filter::sliding_mode::{Adaptation, SlidingMode};
 use wheelstate::filter::srckf::SrCkf;
 use wheelstate::model::tire::{Tire, TireSet};
-use wheelstate::model::wheeled_robot::{Drive, Integrator, Motion, Vehicle, WheeledRobot, wheel_torque};
+use wheelstate::model::wheeled_robot::{Drive, Integrator, Motion, Vehicle, Wheel, WheeledRobot, wheel_torque};
 
 const FOLDER: &str = "wheeled_robot";
 
@@ -114,9 +114,8 @@ fn sliding_mode_observer() {
         let v = &params["asmo"][variant];
         let number = |key: &str| v[key].as_f64().unwrap();
         let adaptive = v["adaptive"].as_bool().unwrap();
+        let wheel = Wheel { inertia: number("J"), radius: number("R"), ..Wheel::default() };
         let observer = SlidingMode {
-            inertia: number("J"),
-            radius: number("R"),
             gain: number("k"),
             amplitude: number("eps"),
             width: number("a"),
@@ -144,7 +143,7 @@ fn sliding_mode_observer() {
                     0.0,
                 );
             }
-            let force = observer.step(&mut state, speed, torque, 0.01);
+            let force = observer.step(&wheel, &mut state, speed, torque, 0.01);
             let what = |name| format!("{variant} row {row} {name}");
             assert_close(&what("f_hat"), force, at("f_hat"), 1e-9, 1e-9);
             assert_close(&what("omega_hat"), state.speed, at("omega_hat"), 1e-9, 1e-9);

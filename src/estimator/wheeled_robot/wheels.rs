@@ -4,12 +4,24 @@
 use super::parameters::{Axle, Inputs, Parameters};
 use super::{Sample, sample};
 use crate::Status;
-use crate::filter::sliding_mode::{Adaptation, Knowledge, SlidingMode, SlidingModeState};
-use crate::model::wheeled_robot::{Drive, Driven, Motion, WheeledRobot, Wheels, wheel_torque};
+use crate::filter::sliding_mode::{Adaptation, ForcedMotion, Knowledge, SlidingMode, SlidingModeState};
+use crate::model::wheeled_robot::{Drive, Driven, Motion, Wheel, WheeledRobot, Wheels, wheel_torque};
 use serde::{Deserialize, Serialize};
 
 /// Time constant of the accelerometer's low-pass where it gives the forces, s.
 const ACCELERATION_LAG: f64 = 0.03;
+
+impl ForcedMotion for Wheel {
+    fn acceleration(&self, torque: f64, force: f64) -> f64 {
+        Wheel::acceleration(self, torque, force)
+    }
+    fn balance(&self, torque: f64) -> f64 {
+        self.steady_force(torque)
+    }
+    fn force_per_acceleration(&self) -> f64 {
+        self.inertia_force()
+    }
+}
 
 /// What the wheels' part of a step changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,8 +55,7 @@ pub struct WheelObservers {
     knowledge: Knowledge,
     stop_speed: f64,
     rolling: f64,
-    radius: f64,
-    slip_stiffness: f64,
+    wheel: Wheel,
     axle: Axle,
     accel_std: f64,
 }
@@ -60,8 +71,6 @@ impl WheelObservers {
         });
         Self {
             observer: SlidingMode {
-                inertia: p.wheel.inertia,
-                radius: p.wheel.radius,
                 gain: o.gain,
                 amplitude: o.amplitude,
                 width: o.width,
@@ -78,8 +87,7 @@ impl WheelObservers {
             },
             stop_speed: o.stop_speed,
             rolling: p.rolling.coefficient * p.wheel.radius,
-            radius: p.wheel.radius,
-            slip_stiffness: p.wheel.slip_stiffness,
+            wheel: p.wheel.clone(),
             axle: p.filter.speed_axle,
             accel_std: p.filter.measurement_std.accel_x,
         }
@@ -146,21 +154,21 @@ impl WheelObservers {
         let (drive, brake) = (state.drive_torque[i], state.brake_torque[i]);
         if speed.is_none() && !state.observers[i].started {
             // No speed at all: the wheel is taken to roll with the vehicle.
-            let rolled = now.x[0] / self.radius;
+            let rolled = now.x[0] / self.wheel.radius;
             let torque = wheel_torque(drive, brake, rolled, self.stop_speed, rolling);
-            let inertial = self.observer.inertia / self.radius * state.acceleration;
-            state.force[i] = (torque - inertial) / self.radius;
+            let inertial = self.wheel.inertia_force() * state.acceleration;
+            state.force[i] = (torque - inertial) / self.wheel.radius;
             let (bias, noise) = (self.knowledge.torque_bias, self.knowledge.torque_noise);
-            state.force_std[i] = (noise * noise + bias * bias + inertial * inertial).sqrt() / self.radius;
+            state.force_std[i] = (noise * noise + bias * bias + inertial * inertial).sqrt() / self.wheel.radius;
             return;
         }
         let torque = wheel_torque(drive, brake, turning, self.stop_speed, rolling);
         let observer = &mut state.observers[i];
         for _ in 1..steps {
-            self.observer.step(observer, f64::NAN, torque, h);
+            self.observer.step(&self.wheel, observer, f64::NAN, torque, h);
         }
-        state.force[i] = self.observer.step(observer, speed.unwrap_or(f64::NAN), torque, h);
-        state.force_std[i] = self.observer.force_std(observer, &self.knowledge, h);
+        state.force[i] = self.observer.step(&self.wheel, observer, speed.unwrap_or(f64::NAN), torque, h);
+        state.force_std[i] = self.observer.force_std(&self.wheel, observer, &self.knowledge, h);
     }
 
     /// Without any torque the forces are those that explain the longitudinal acceleration, shared in
@@ -196,12 +204,12 @@ impl WheelObservers {
         let c = (1.0 - s * s).sqrt().max(0.1);
         let one = |i: usize, offset: f64| {
             state.measured[i].then(|| {
-                let slip = if self.slip_stiffness > 0.0 && now.load[i] > 0.0 {
-                    (state.force[i] / (self.slip_stiffness * now.load[i])).clamp(-0.5, 0.5)
+                let slip = if self.wheel.slip_stiffness > 0.0 && now.load[i] > 0.0 {
+                    (state.force[i] / (self.wheel.slip_stiffness * now.load[i])).clamp(-0.5, 0.5)
                 } else {
                     0.0
                 };
-                (self.radius * state.speeds[i] / (1.0 + slip) - uy * s) / c + offset
+                (self.wheel.radius * state.speeds[i] / (1.0 + slip) - uy * s) / c + offset
             })
         };
         match (one(left, half_track * r), one(left + 1, -half_track * r)) {
@@ -212,17 +220,17 @@ impl WheelObservers {
 
     /// Whether all wheels that have a sample stand, or none has one.
     pub fn standing(&self, state: &WheelStates) -> Option<bool> {
-        let least = (5.0 * self.knowledge.speed_noise * self.radius).max(0.01);
+        let least = (5.0 * self.knowledge.speed_noise * self.wheel.radius).max(0.01);
         let mut measured = (0..4).filter(|i| state.measured[*i]).peekable();
         measured.peek()?;
-        Some(measured.all(|i| (state.speeds[i] * self.radius).abs() < least))
+        Some(measured.all(|i| (state.speeds[i] * self.wheel.radius).abs() < least))
     }
 
     /// Whether the speed of a wheel with a sample is far from that of the ground under it.
     pub fn slipping(&self, state: &WheelStates, driven: &Driven, x: &Motion) -> bool {
         let (along, _) = driven.hub_velocities(x);
         (0..4).any(|i| {
-            let rim = self.radius * state.speeds[i];
+            let rim = self.wheel.radius * state.speeds[i];
             state.measured[i] && (rim - along[i]).abs() > 0.2 * rim.abs().max(along[i].abs()).max(1.0)
         })
     }

@@ -88,6 +88,24 @@ impl Vehicle {
     }
 }
 
+/// The equation of motion of a wheel, `J w' = T - R Fx` (CN117406607B, claim 1, step 2).
+impl Wheel {
+    /// `w'` under a torque (N m) and the ground's longitudinal force (N), rad/s².
+    pub fn acceleration(&self, torque: f64, force: f64) -> f64 {
+        (torque - self.radius * force) / self.inertia
+    }
+
+    /// The force of a torque on a wheel that turns steadily, `T/R`, N.
+    pub fn steady_force(&self, torque: f64) -> f64 {
+        torque / self.radius
+    }
+
+    /// The force that accelerates the wheel itself, `J/R`, N per rad/s².
+    pub fn inertia_force(&self) -> f64 {
+        self.inertia / self.radius
+    }
+}
+
 /// A vehicle with its tyres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WheeledRobot {

@@ -187,8 +187,6 @@ fn observe(log: &Log, p: &Parameters, wheel: usize, speeds: Option<&[f64]>) -> V
     let kappa = o.gain + o.amplitude * o.width;
     let shrink = (0.5 / (kappa * period)).min(1.0);
     let observer = SlidingMode {
-        inertia: p.wheel.inertia,
-        radius: p.wheel.radius,
         gain: o.gain * shrink,
         amplitude: o.amplitude * shrink,
         width: o.width,
@@ -207,7 +205,11 @@ fn observe(log: &Log, p: &Parameters, wheel: usize, speeds: Option<&[f64]>) -> V
             let at = |values: Option<&[f64]>| values.map_or(0.0, |values| values[k]);
             let torque = wheel_torque(at(drive), at(brake), turning, o.stop_speed, 0.0);
             last = if torque.is_finite() { torque } else { last };
-            if speeds.is_none() { last / p.wheel.radius } else { observer.step(&mut state, speed, last, period) }
+            if speeds.is_none() {
+                p.wheel.steady_force(last)
+            } else {
+                observer.step(&p.wheel, &mut state, speed, last, period)
+            }
         })
         .collect()
 }
@@ -225,7 +227,7 @@ fn torque_force(log: &Log, p: &Parameters, period: f64) -> Option<Vec<f64>> {
         for k in 0..log.len() {
             let at = |values: Option<&[f64]>| values.map_or(0.0, |values| values[k]);
             let torque = wheel_torque(at(drive), at(brake), speed[k], p.observer.stop_speed, 0.0);
-            sum[k] += (torque - p.wheel.inertia * change[k]) / p.wheel.radius;
+            sum[k] += p.wheel.steady_force(torque - p.wheel.inertia * change[k]);
         }
     }
     any.then_some(sum)
