@@ -20,7 +20,9 @@
 
 #[macro_use]
 pub mod variable;
+pub mod parameter_set;
 pub mod status;
+pub mod unit;
 
 pub mod estimator;
 pub mod filter;

@@ -3,9 +3,9 @@
 //! Value references: `0` is the time, `10000 + i` the parameters, `20000 + i` the inputs and
 //! `30000 + i` the outputs, `i` counting in the order of declaration from 0.
 
-use crate::describe::number;
 use crate::machine::{Machine, Typed};
 use wheelstate::estimator::{Visitor, visit_all};
+use wheelstate::parameter_set::number;
 use wheelstate::variable::Kind;
 use wheelstate::{Estimator, Variable, Variables};
 

@@ -2,9 +2,9 @@
 
 use crate::support::Lag;
 use std::collections::BTreeSet;
-use wheelstate::Status;
 use wheelstate::variable::Kind;
-use wheelstate_fmu::describe::{guid, number, units, xml};
+use wheelstate::{Status, unit};
+use wheelstate_fmu::describe::{guid, xml};
 use wheelstate_fmu::instance::Instance;
 use wheelstate_fmu::model::{Model, Place, Type, models};
 
@@ -29,7 +29,7 @@ fn every_declaration_is_complete_and_sound() {
                 assert!(words.into_iter().all(plain) && !variable.name.as_bytes()[0].is_ascii_digit(), "{what}");
                 assert!(group == 'p' || !variable.name.contains('.'), "{what}: flat names");
                 assert!(variable.description.len() > 3 && !variable.description.contains('#'), "{what}");
-                assert!(units::parse(variable.unit).is_some(), "{what}: unit {}", variable.unit);
+                assert!(unit::parse(variable.unit).is_some(), "{what}: unit {}", variable.unit);
                 let (low, high) = variable.range;
                 assert!(low < high, "{what}");
                 let missing = group == 'i' && variable.measured && variable.start.is_nan();
@@ -134,13 +134,9 @@ fn baking_is_all_or_nothing_and_only_what_the_model_accepts() {
 }
 
 #[test]
-fn the_xml_escapes_and_numbers_read_back() {
+fn the_xml_escapes_texts() {
     let text = xml(&Model::of::<Lag>());
     assert!(text.contains("Time constant of the &quot;lag&quot; &lt;T&gt;."));
     assert!(text.contains(r#"name="signal" valueReference="20000""#) && text.contains(r#"start="NaN""#));
     assert!(text.contains(r#"<Enumeration declaredType="FilterFaultChoice" start="1"/>"#));
-    for value in [0.1, 1e-300, -7.0, 1.0 / 3.0, 6.02e23, 1e15, f64::MAX, f64::MIN_POSITIVE, -0.0] {
-        assert_eq!(number(value).parse::<f64>().unwrap(), value);
-    }
-    assert_eq!([f64::NAN, f64::INFINITY, f64::NEG_INFINITY].map(number), ["NaN", "INF", "-INF"]);
 }

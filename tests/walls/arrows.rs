@@ -24,6 +24,8 @@ pub const CRATES: &[Crate] = &[
         except: &[],
         modules: &[
             ("variable", &[]),
+            ("unit", &[]),
+            ("parameter_set", &["unit"]),
             ("status", &["variable"]),
             // The three that never see one another: how to estimate, what is estimated, what is true. An error of a
             // model cannot hide behind the same error in the plant or in the filter.
@@ -59,7 +61,7 @@ pub const CRATES: &[Crate] = &[
             ("problem", &["assess", "result", "solve", "vehicle", "wheelstate", "wheelstate_log"]),
             ("simulate", &["estimate", "vehicle", "wheelstate", "wheelstate_log"]),
             ("tune", &["result", "vehicle", "wheelstate", "wheelstate_log"]),
-            ("report", &["result"]),
+            ("report", &["result", "wheelstate::parameter_set"]),
             (
                 "cli",
                 &[

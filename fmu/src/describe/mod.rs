@@ -8,14 +8,14 @@ pub mod markdown;
 pub mod page;
 pub mod resources;
 pub mod schema;
-pub mod units;
 
 use crate::model::{Model, Place};
 use std::collections::BTreeSet;
 use std::ffi::CStr;
 use std::fmt::Write as _;
+use wheelstate::parameter_set::{base_unit, escape, number};
 use wheelstate::variable::Kind;
-use wheelstate::{Status, Variable};
+use wheelstate::{Status, Variable, unit};
 
 /// The log categories with their meaning.
 pub const CATEGORIES: [(&CStr, &str); 4] = [
@@ -89,19 +89,10 @@ fn write_units(text: &mut String, model: &Model) {
     text.push_str("  <UnitDefinitions>\n");
     for name in names {
         let _ = write!(text, r#"    <Unit name="{}">"#, escape(name));
-        if let Some(unit) = units::parse(name) {
-            text.push_str("<BaseUnit");
-            for (base, exponent) in units::BASE.iter().zip(unit.exponents) {
-                if exponent != 0 {
-                    let _ = write!(text, r#" {base}="{exponent}""#);
-                }
-            }
-            if unit.factor != 1.0 {
-                let _ = write!(text, r#" factor="{}""#, number(unit.factor));
-            }
-            text.push_str("/>");
+        if let Some(unit) = unit::parse(name) {
+            text.push_str(&base_unit("", unit));
         }
-        if let Some((display, factor)) = units::display(name) {
+        if let Some((display, factor)) = unit::display(name) {
             let _ = write!(text, r#"<DisplayUnit name="{display}" factor="{}"/>"#, number(factor));
         }
         text.push_str("</Unit>\n");
@@ -171,7 +162,7 @@ fn write_variable(text: &mut String, variable: &Variable, causality: &str, refer
     match variable.kind {
         Kind::Real => {
             let _ = write!(text, r#"Real unit="{}""#, escape(variable.unit));
-            if let Some((display, _)) = units::display(variable.unit) {
+            if let Some((display, _)) = unit::display(variable.unit) {
                 let _ = write!(text, r#" displayUnit="{display}""#);
             }
         }
@@ -217,35 +208,4 @@ fn write_structure(text: &mut String, model: &Model) {
         let _ = writeln!(text, r#"      <Unknown index="{index}"/>"#);
     }
     text.push_str("    </InitialUnknowns>\n  </ModelStructure>\n");
-}
-
-/// A number that reads back as the same bits, in the spelling of `xs:double`.
-pub fn number(value: f64) -> String {
-    if value.is_nan() {
-        "NaN".to_owned()
-    } else if value.is_infinite() {
-        if value > 0.0 { "INF" } else { "-INF" }.to_owned()
-    } else if value.fract() == 0.0 && value.abs() < 1e15 {
-        format!("{value:.0}")
-    } else {
-        format!("{value:?}")
-    }
-}
-
-/// Text as it may stand in an attribute or in HTML.
-pub fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for letter in text.chars() {
-        match letter {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\n' => out.push_str("&#10;"),
-            '\r' | '\0' => {}
-            '\t' => out.push(' '),
-            other => out.push(other),
-        }
-    }
-    out
 }

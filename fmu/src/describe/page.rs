@@ -1,8 +1,10 @@
 //! `documentation/index.html` of a model, written from its declared variables.
 
-use super::{description, escape, number, units};
+use super::description;
 use crate::model::{Model, range_text};
 use std::fmt::Write as _;
+use wheelstate::parameter_set::{escape, number};
+use wheelstate::unit::display;
 use wheelstate::variable::Kind;
 use wheelstate::{Status, Variable};
 
@@ -103,9 +105,9 @@ pub(super) fn start(variable: &Variable) -> String {
     match variable.kind {
         Kind::Boolean => (variable.start != 0.0).to_string(),
         Kind::Choice(items) => items.get(variable.start as usize).copied().unwrap_or_default().to_owned(),
-        _ => match units::display(variable.unit) {
-            Some((display, factor)) if variable.start != 0.0 && variable.start.is_finite() => {
-                format!("{} ({:.4} {display})", number(variable.start), variable.start * factor)
+        _ => match display(variable.unit) {
+            Some((shown, factor)) if variable.start != 0.0 && variable.start.is_finite() => {
+                format!("{} ({:.4} {shown})", number(variable.start), variable.start * factor)
             }
             _ => number(variable.start),
         },

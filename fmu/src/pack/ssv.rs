@@ -1,32 +1,20 @@
-//! A parameter set (SSP 1.0 `.ssv`) with all parameters of a model: a preset to copy and edit.
+//! A parameter set (SSP 1.0 `.ssv`) with the parameters of a model: a preset to copy and edit.
 
-use crate::describe::{escape, number};
 use crate::model::Model;
-use std::fmt::Write as _;
+use wheelstate::parameter_set::{Entry, Value, write};
 use wheelstate::variable::Kind;
 
-/// The parameter set of the model's start values.
+/// The parameter set of the model's start values. Enumerations are left out: they stand at their start values, and
+/// several hosts refuse a set that names one.
 pub fn text(model: &Model) -> String {
-    let mut text = format!(
-        r#"<?xml version="1.0" encoding="UTF-8"?>
-<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" name="{}">
-  <ssv:Parameters>
-"#,
-        model.name
-    );
-    for variable in &model.parameters {
+    let entries = model.parameters.iter().filter_map(|variable| {
         let value = match variable.kind {
-            Kind::Real => format!(r#"<ssv:Real value="{}"/>"#, number(variable.start)),
-            Kind::Integer => format!(r#"<ssv:Integer value="{}"/>"#, number(variable.start)),
-            Kind::Boolean => format!(r#"<ssv:Boolean value="{}"/>"#, variable.start != 0.0),
-            Kind::Choice(items) => {
-                let item = items.get(variable.start as usize).copied().unwrap_or_default();
-                format!(r#"<ssv:Enumeration value="{}"/>"#, escape(item))
-            }
+            Kind::Real => Value::Real(variable.start, variable.unit),
+            Kind::Integer => Value::Integer(variable.start as i32),
+            Kind::Boolean => Value::Boolean(variable.start != 0.0),
+            Kind::Choice(_) => return None,
         };
-        let (name, about) = (&variable.name, escape(&variable.description));
-        let _ = writeln!(text, r#"    <ssv:Parameter name="{name}" description="{about}">{value}</ssv:Parameter>"#);
-    }
-    text.push_str("  </ssv:Parameters>\n</ssv:ParameterSet>\n");
-    text
+        Some(Entry { name: &variable.name, description: &variable.description, value })
+    });
+    write(model.name, entries)
 }

@@ -1,6 +1,7 @@
-//! Units in the FMI spelling (`N.m`, `m/s2`, `(rad/s)2`) as SI base units.
+//! Units in the FMI spelling (`N.m`, `m/s2`, `(rad/s)2`) as SI base units: what every file that states a unit
+//! (`modelDescription.xml`, `.ssv`) says about it.
 
-/// The SI base units of FMI's `BaseUnit`, in the order of [`Unit::exponents`].
+/// The SI base units of the `BaseUnit` of FMI and SSP, in the order of [`Unit::exponents`].
 pub const BASE: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 
 /// A unit: `factor` times a product of powers of the base units.
