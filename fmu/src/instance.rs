@@ -6,76 +6,23 @@ use crate::clock::Clock;
 use crate::machine::Machine;
 use crate::model::{Model, Place, Type, check_parameter, from_fmi, to_fmi};
 use crate::phase::{Call, Phase};
-use crate::snapshot::Snapshots;
-use serde::{Deserialize, Serialize};
-
-/// How bad a refusal is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Level {
-    /// The request was meaningful but cannot be served.
-    Discard,
-    /// The request was wrong.
-    Error,
-    /// The instance is lost.
-    Fatal,
-}
+use crate::refusal::{Answer, Level, Refusal};
+use crate::snapshot::{Core, Snapshots};
 
 /// Samples of one step beyond which its size is surely a mistake and the host would seem to hang.
 const MOST_SAMPLES: f64 = 1e9;
-
-/// A call that was refused, with the reason for the host's log.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Refusal {
-    /// How bad it is.
-    pub level: Level,
-    /// What was wrong and what would be allowed.
-    pub message: String,
-}
-
-impl Refusal {
-    /// An error.
-    pub fn error(message: impl Into<String>) -> Self {
-        Self { level: Level::Error, message: message.into() }
-    }
-
-    /// A request that is legal but has no answer here.
-    pub fn discard(message: impl Into<String>) -> Self {
-        Self { level: Level::Discard, message: message.into() }
-    }
-}
-
-/// What the calls give.
-pub type Answer<T> = Result<T, Refusal>;
-
-/// Everything of an instance that changes, except the estimator's own state.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Core {
-    pub(crate) phase: Phase,
-    pub(crate) clock: Clock,
-    pub(crate) stop: Option<f64>,
-    pub(crate) parameters: Vec<f64>,
-    pub(crate) inputs: Vec<f64>,
-    /// Time derivatives of the inputs, for the next step only.
-    pub(crate) slopes: Vec<f64>,
-    pub(crate) sloped: bool,
-    /// The inputs of the last sample, brought up to date when the state is copied.
-    pub(crate) held: Vec<f64>,
-    pub(crate) outputs: Vec<f64>,
-    /// The parameters have changed since the estimator was built.
-    pub(crate) stale: bool,
-}
 
 /// One instance.
 pub struct Instance {
     model: Model,
     guid: String,
-    pub(crate) core: Core,
-    pub(crate) machine: Box<dyn Machine>,
-    pub(crate) period: f64,
+    core: Core,
+    machine: Box<dyn Machine>,
+    period: f64,
     /// The machine has outputs that are not yet among the values.
-    pub(crate) unread: bool,
+    unread: bool,
     /// The states that the host holds.
-    pub(crate) snapshots: Snapshots,
+    snapshots: Snapshots,
 }
 
 impl Instance {
@@ -202,7 +149,7 @@ impl Instance {
     }
 
     /// Brings the values of the outputs up to date; a step alone leaves that to the first reader.
-    pub(crate) fn settle(&mut self) {
+    fn settle(&mut self) {
         if self.unread {
             self.machine.outputs(&mut self.core.outputs);
             self.unread = false;
@@ -408,6 +355,51 @@ impl Instance {
         self.machine.predict(core.clock.ahead(self.period));
         self.unread = true;
         Ok(())
+    }
+
+    /// `fmi2GetFMUstate`; overwrites the state of `handle` unless that is 0.
+    pub fn get_state(&mut self, handle: usize) -> Answer<usize> {
+        self.settle();
+        self.machine.held(&mut self.core.held);
+        self.snapshots.copy(handle, &self.core, &*self.machine)
+    }
+
+    /// `fmi2SetFMUstate`
+    pub fn set_state(&mut self, handle: usize) -> Answer<()> {
+        let (core, state) = self.snapshots.find(handle)?;
+        // a stale estimator is built anew from the parameters
+        if let Some(state) = state.filter(|_| !core.stale) {
+            // parameters that differ call for an estimator of their own; the present one is kept until it stands
+            if self.period == 0.0 || self.core.stale || self.core.parameters != core.parameters {
+                let mut machine = self.model.machine();
+                machine.build(&core.parameters).map_err(|error| Refusal::error(error.to_string()))?;
+                machine.load(state).map_err(|error| Refusal::error(error.to_string()))?;
+                self.period = machine.sample_period();
+                self.machine = machine;
+            } else {
+                self.machine.load(state).map_err(|error| Refusal::error(error.to_string()))?;
+            }
+        }
+        self.core.clone_from(core);
+        self.unread = false;
+        self.machine.hold(&core.held);
+        Ok(())
+    }
+
+    /// `fmi2FreeFMUstate`
+    pub fn free_state(&mut self, handle: usize) -> Answer<()> {
+        self.snapshots.free(handle)
+    }
+
+    /// `fmi2SerializeFMUstate`
+    pub fn serialize_state(&self, handle: usize) -> Answer<Vec<u8>> {
+        self.snapshots.serialize(handle, &self.guid, &*self.machine)
+    }
+
+    /// `fmi2DeSerializeFMUstate`; overwrites the state of `handle` unless that is 0. What it accepts
+    /// can be set without any further check.
+    pub fn deserialize_state(&mut self, bytes: &[u8], handle: usize) -> Answer<usize> {
+        self.snapshots.deserialize(bytes, handle, &self.model, &self.guid, &*self.machine)
     }
 
     fn check_step(&self, point: f64, size: f64) -> Answer<()> {

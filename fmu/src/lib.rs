@@ -1,13 +1,15 @@
 //! FMI 2.0 co-simulation around the estimators of `wheelstate`.
 //!
 //! ```text
-//! host --C--> abi --> instance --> machine --> wheelstate::Estimator
-//!             |       |  clock: which samples fall into a step
-//!             |       |  phase: which call is allowed when
-//!             |       |  snapshot: get, set and serialise the state
-//!             |       model: the declared variables, one table for everything
-//!             logger  describe: modelDescription.xml, GUID, documentation
+//! host --C--> abi --> instance --> snapshot --> machine --> wheelstate::Estimator
+//!             |       |            clock        model: the declared variables, one table for everything
+//!             |       |            phase
+//!             |       describe: modelDescription.xml, GUID, documentation
+//!             boundary: components, panics, the host's logger
 //! ```
+//!
+//! [`instance`] is what the functions of the standard do; [`snapshot`] copies and serialises its state, `clock` tells
+//! which samples fall into a step, [`phase`] which call is allowed when. Every module uses only those to its right.
 //!
 //! One shared library serves every model: the GUID given to `fmi2Instantiate` tells which. All code
 //! here works on declared [`Variables`](wheelstate::Variables) and knows no vehicle; a new estimator
@@ -19,9 +21,11 @@
 pub mod abi;
 mod clock;
 pub mod describe;
+mod handle;
 pub mod instance;
 pub mod machine;
 pub mod model;
 pub mod pack;
 pub mod phase;
+pub mod refusal;
 pub mod snapshot;

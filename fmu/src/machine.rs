@@ -5,10 +5,10 @@ use wheelstate::estimator::StateError;
 use wheelstate::{Estimator, ParameterError, Variables};
 
 /// The state of an estimator whose type is forgotten.
-pub type Saved = Box<dyn Any>;
+pub type Saved = Box<dyn Any + Send>;
 
 /// An estimator as the FMU sees it. Slices are in the order of the declarations.
-pub trait Machine {
+pub trait Machine: Send {
     /// Starts anew with these parameters.
     fn build(&mut self, parameters: &[f64]) -> Result<(), ParameterError>;
     /// Takes over changed tunable parameters and keeps the state.

@@ -1,4 +1,4 @@
-//! Get, set and serialise the state of an instance.
+//! Copied and serialised states of an instance.
 //!
 //! The host's handles are numbers, never addresses, and no number is used twice: a stale or foreign
 //! handle is recognised without touching memory.
@@ -6,117 +6,97 @@
 //! Serialised: `"WSFMU"`, format version, the FMU's GUID, the length of the content, the content
 //! (postcard), and the first 16 bytes of the SHA-256 of all that.
 
-use crate::instance::{Answer, Core, Instance, Refusal};
-use crate::machine::Saved;
-use crate::model::check_parameter;
+use crate::clock::Clock;
+use crate::handle;
+use crate::machine::{Machine, Saved};
+use crate::model::{Model, check_parameter};
 use crate::phase::Phase;
+use crate::refusal::{Answer, Refusal};
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+/// Everything of an instance that changes, except the estimator's own state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Core {
+    pub(crate) phase: Phase,
+    pub(crate) clock: Clock,
+    pub(crate) stop: Option<f64>,
+    pub(crate) parameters: Vec<f64>,
+    pub(crate) inputs: Vec<f64>,
+    /// Time derivatives of the inputs, for the next step only.
+    pub(crate) slopes: Vec<f64>,
+    pub(crate) sloped: bool,
+    /// The inputs of the last sample, brought up to date when the state is copied.
+    pub(crate) held: Vec<f64>,
+    pub(crate) outputs: Vec<f64>,
+    /// The parameters have changed since the estimator was built.
+    pub(crate) stale: bool,
+}
+
 /// The state of an instance: nothing in it points anywhere.
-#[derive(Default)]
 struct Snapshot {
-    core: Option<Core>,
+    handle: usize,
+    core: Core,
     state: Option<Saved>,
 }
 
 /// The states that a host holds of one instance.
 #[derive(Default)]
-pub struct Snapshots {
-    last: usize,
-    held: Vec<(usize, Snapshot)>,
-}
+pub struct Snapshots(Vec<Snapshot>);
 
 const MAGIC: &[u8; 5] = b"WSFMU";
-const VERSION: u8 = 1;
+/// 2: the copy always has a core.
+const VERSION: u8 = 2;
 const CHECKSUM: usize = 16;
 
 impl Snapshots {
-    /// Whether `handle` is held.
-    pub fn contains(&self, handle: usize) -> bool {
-        self.held.iter().any(|(number, _)| *number == handle)
+    fn position(&self, handle: usize) -> Answer<usize> {
+        let found = self.0.iter().position(|snapshot| snapshot.handle == handle);
+        let foreign = "is not an FMU state of this instance; it was freed, or is another instance's";
+        found.ok_or_else(|| Refusal::error(format!("{handle:#x} {foreign}")))
     }
 
-    fn find(&self, handle: usize) -> Answer<&Snapshot> {
-        let found = self.held.iter().find(|(number, _)| *number == handle);
-        found.map(|(_, snapshot)| snapshot).ok_or_else(|| foreign(handle))
+    /// The copy of this handle.
+    pub fn find(&self, handle: usize) -> Answer<(&Core, Option<&Saved>)> {
+        let snapshot = &self.0[self.position(handle)?];
+        Ok((&snapshot.core, snapshot.state.as_ref()))
     }
 
-    /// The snapshot of `handle` to be overwritten, or a new one if `handle` is 0.
-    fn slot(&mut self, handle: usize) -> Answer<(usize, &mut Snapshot)> {
+    /// Copies the state of an instance into the copy of `handle`, or into a new one if that is 0.
+    pub fn copy(&mut self, handle: usize, core: &Core, machine: &dyn Machine) -> Answer<usize> {
         let index = if handle == 0 {
-            // steps of 64 look like addresses to a host that checks their alignment
-            self.last += 64;
-            self.held.push((self.last, Snapshot::default()));
-            self.held.len() - 1
+            self.0.push(Snapshot { handle: handle::unique(), core: core.clone(), state: None });
+            self.0.len() - 1
         } else {
-            self.held.iter().position(|(number, _)| *number == handle).ok_or_else(|| foreign(handle))?
+            let index = self.position(handle)?;
+            self.0[index].core.clone_from(core);
+            index
         };
-        let (number, snapshot) = &mut self.held[index];
-        Ok((*number, snapshot))
-    }
-}
-
-fn foreign(handle: usize) -> Refusal {
-    Refusal::error(format!("{handle} is not an FMU state of this instance; it was freed, or is another instance's"))
-}
-
-impl Instance {
-    /// `fmi2GetFMUstate`; overwrites the state of `handle` unless that is 0.
-    pub fn get_state(&mut self, handle: usize) -> Answer<usize> {
-        self.settle();
-        let (number, snapshot) = self.snapshots.slot(handle)?;
-        self.machine.held(&mut self.core.held);
-        match &mut snapshot.core {
-            Some(core) => core.clone_from(&self.core),
-            None => snapshot.core = Some(self.core.clone()),
-        }
-        self.machine.save(&mut snapshot.state);
-        Ok(number)
+        let snapshot = &mut self.0[index];
+        machine.save(&mut snapshot.state);
+        Ok(snapshot.handle)
     }
 
-    /// `fmi2SetFMUstate`
-    pub fn set_state(&mut self, handle: usize) -> Answer<()> {
-        let snapshot = self.snapshots.find(handle)?;
-        let Some(core) = &snapshot.core else { return Err(foreign(handle)) };
-        // a stale estimator is built anew from the parameters
-        if let Some(state) = snapshot.state.as_ref().filter(|_| !core.stale) {
-            // parameters that differ call for an estimator of their own; the present one is kept until it stands
-            if self.period == 0.0 || self.core.stale || self.core.parameters != core.parameters {
-                let mut machine = self.model().machine();
-                machine.build(&core.parameters).map_err(|error| Refusal::error(error.to_string()))?;
-                machine.load(state).map_err(|error| Refusal::error(error.to_string()))?;
-                self.period = machine.sample_period();
-                self.machine = machine;
-            } else {
-                self.machine.load(state).map_err(|error| Refusal::error(error.to_string()))?;
-            }
-        }
-        self.core.clone_from(core);
-        self.unread = false;
-        self.machine.hold(&core.held);
+    /// Forgets the copy of this handle.
+    pub fn free(&mut self, handle: usize) -> Answer<()> {
+        let index = self.position(handle)?;
+        self.0.swap_remove(index);
         Ok(())
     }
 
-    /// `fmi2FreeFMUstate`
-    pub fn free_state(&mut self, handle: usize) -> Answer<()> {
-        self.snapshots.find(handle)?;
-        self.snapshots.held.retain(|(number, _)| *number != handle);
-        Ok(())
-    }
-
-    /// `fmi2SerializeFMUstate`
-    pub fn serialize_state(&self, handle: usize) -> Answer<Vec<u8>> {
-        let snapshot = self.snapshots.find(handle)?;
+    /// The copy of this handle as bytes.
+    pub fn serialize(&self, handle: usize, guid: &str, machine: &dyn Machine) -> Answer<Vec<u8>> {
+        let (core, state) = self.find(handle)?;
         let failed = |_| Refusal::error("the FMU state cannot be serialised");
-        let state = match &snapshot.state {
-            Some(state) => Some(self.machine.encode(state).map_err(|error| Refusal::error(error.to_string()))?),
+        let state = match state {
+            Some(state) => Some(machine.encode(state).map_err(|error| Refusal::error(error.to_string()))?),
             None => None,
         };
-        let content = postcard::to_stdvec(&(&snapshot.core, state)).map_err(failed)?;
+        let content = postcard::to_stdvec(&(core, state)).map_err(failed)?;
         let mut bytes = Vec::with_capacity(content.len() + 80);
         bytes.extend_from_slice(MAGIC);
         bytes.push(VERSION);
-        bytes.extend_from_slice(self.guid().as_bytes());
+        bytes.extend_from_slice(guid.as_bytes());
         bytes.extend_from_slice(&(content.len() as u64).to_le_bytes());
         bytes.extend_from_slice(&content);
         let checksum = Sha256::digest(&bytes);
@@ -124,51 +104,63 @@ impl Instance {
         Ok(bytes)
     }
 
-    /// `fmi2DeSerializeFMUstate`; overwrites the state of `handle` unless that is 0. What it accepts
-    /// can be set without any further check.
-    pub fn deserialize_state(&mut self, bytes: &[u8], handle: usize) -> Answer<usize> {
-        let content = open(bytes, self.guid())?;
-        let garbled = |_| Refusal::error("the serialised FMU state is corrupt: its content cannot be read");
-        let ((core, state), rest) =
-            postcard::take_from_bytes::<(Option<Core>, Option<Vec<u8>>)>(content).map_err(garbled)?;
-        let Some(core) = core.filter(|_| rest.is_empty()) else {
-            return Err(Refusal::error("the serialised FMU state is corrupt: it has no content"));
-        };
-        self.check_core(&core, state.is_some())?;
+    /// Reads bytes into the copy of `handle`, or into a new one if that is 0. What it accepts can be restored without
+    /// any further check.
+    pub fn deserialize(
+        &mut self,
+        bytes: &[u8],
+        handle: usize,
+        model: &Model,
+        guid: &str,
+        machine: &dyn Machine,
+    ) -> Answer<usize> {
+        let index = if handle == 0 { None } else { Some(self.position(handle)?) };
+        let content = open(bytes, guid)?;
+        let corrupt = |why: &str| Refusal::error(format!("the serialised FMU state is corrupt: {why}"));
+        let ((core, state), rest) = postcard::take_from_bytes::<(Core, Option<Vec<u8>>)>(content)
+            .map_err(|_| corrupt("its content cannot be read"))?;
+        if !rest.is_empty() {
+            return Err(corrupt("something follows its content"));
+        }
+        check_core(model, &core, state.is_some())?;
         let state = match state {
             Some(bytes) => {
-                let state = self.machine.decode(&core.parameters, &bytes);
+                let state = machine.decode(&core.parameters, &bytes);
                 Some(state.map_err(|error| Refusal::error(error.to_string()))?)
             }
             None => None,
         };
-        let (number, snapshot) = self.snapshots.slot(handle)?;
-        *snapshot = Snapshot { core: Some(core), state };
-        Ok(number)
+        let handle = if handle == 0 { handle::unique() } else { handle };
+        let snapshot = Snapshot { handle, core, state };
+        match index {
+            Some(index) => self.0[index] = snapshot,
+            None => self.0.push(snapshot),
+        }
+        Ok(handle)
     }
+}
 
-    fn check_core(&self, core: &Core, has_state: bool) -> Answer<()> {
-        let model = self.model();
-        let corrupt = |what: &str| Err(Refusal::error(format!("the serialised FMU state is corrupt: {what}")));
-        let [parameters, inputs, outputs] = [&model.parameters, &model.inputs, &model.outputs].map(Vec::len);
-        let sizes = core.parameters.len() == parameters
-            && [&core.inputs, &core.slopes, &core.held].iter().all(|list| list.len() == inputs)
-            && core.outputs.len() == outputs;
-        if !sizes {
-            return corrupt("it has another number of variables");
-        }
-        for (variable, value) in model.parameters.iter().zip(&core.parameters) {
-            check_parameter(variable, *value).map_err(Refusal::error)?;
-        }
-        let built = matches!(core.phase, Phase::Stepping | Phase::Terminated);
-        if core.phase == Phase::Fatal || (built && (!has_state || core.stale)) {
-            return corrupt("its phase does not fit its content");
-        }
-        if !core.clock.is_sound() || core.slopes.iter().any(|slope| !slope.is_finite()) {
-            return corrupt("it has a time or derivative that is not finite");
-        }
-        Ok(())
+/// Refuses what no instance of the model can hold.
+fn check_core(model: &Model, core: &Core, has_state: bool) -> Answer<()> {
+    let corrupt = |what: &str| Err(Refusal::error(format!("the serialised FMU state is corrupt: {what}")));
+    let [parameters, inputs, outputs] = [&model.parameters, &model.inputs, &model.outputs].map(Vec::len);
+    let sizes = core.parameters.len() == parameters
+        && [&core.inputs, &core.slopes, &core.held].iter().all(|list| list.len() == inputs)
+        && core.outputs.len() == outputs;
+    if !sizes {
+        return corrupt("it has another number of variables");
     }
+    for (variable, value) in model.parameters.iter().zip(&core.parameters) {
+        check_parameter(variable, *value).map_err(Refusal::error)?;
+    }
+    let built = matches!(core.phase, Phase::Stepping | Phase::Terminated);
+    if core.phase == Phase::Fatal || (built && (!has_state || core.stale)) {
+        return corrupt("its phase does not fit its content");
+    }
+    if !core.clock.is_sound() || core.slopes.iter().any(|slope| !slope.is_finite()) {
+        return corrupt("it has a time or derivative that is not finite");
+    }
+    Ok(())
 }
 
 /// The content of a serialised state of the FMU with this GUID.

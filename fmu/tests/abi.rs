@@ -180,7 +180,12 @@ fn call_all(c: Component) -> Vec<Status> {
 fn null_and_foreign_components_are_refused() {
     let mut zeros = [0_u64; 512];
     let foreign: *mut c_void = zeros.as_mut_ptr().cast();
-    for c in [null_mut(), foreign, foreign.wrapping_byte_add(1)] {
+    let freed = Host::new().c;
+    let alive = Host::new();
+    // none of these may be followed
+    let never = [24, 0x7fff_0000_0000, usize::MAX, freed.addr() ^ 0x10, alive.c.addr() + 1, alive.c.addr() ^ (1 << 40)];
+    let never = never.map(std::ptr::without_provenance_mut);
+    for c in [null_mut(), foreign, foreign.wrapping_byte_add(1), freed].into_iter().chain(never) {
         assert!(call_all(c).iter().all(|status| *status == ERROR));
         unsafe {
             assert_eq!(fmi2Reset(c), ERROR);
@@ -194,6 +199,37 @@ fn null_and_foreign_components_are_refused() {
             fmi2FreeInstance(c);
         }
     }
+    assert_eq!(alive.setup(0.0, None), OK);
+}
+
+#[test]
+fn a_freed_component_stays_dead_however_many_come_after_it() {
+    let freed: Vec<_> = (0..200).map(|_| Host::new().c).collect();
+    let hosts: Vec<_> = (0..300).map(|_| Host::new()).collect();
+    for c in freed {
+        assert_eq!(unsafe { fmi2SetupExperiment(c, 0, 0.0, 0.0, 0, 0.0) }, ERROR);
+        unsafe { fmi2FreeInstance(c) };
+    }
+    for host in &hosts {
+        host.start(1.0);
+        assert_eq!(host.step(1.0, 0.01), OK);
+    }
+}
+
+#[test]
+fn two_threads_with_one_component_are_told_apart_and_never_mixed() {
+    let host = Host::started(0.0);
+    let component = host.c.addr();
+    let steps = |_| {
+        let c = std::ptr::without_provenance_mut(component);
+        (0..2000).filter(|_| unsafe { fmi2DoStep(c, 0.0, 1e-9, 1) } == OK).count()
+    };
+    let served: Vec<_> = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..4).map(|i| scope.spawn(move || steps(i))).collect();
+        threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+    });
+    assert!(served.iter().sum::<usize>() > 0);
+    assert_eq!(host.get_integer("count"), 1);
 }
 
 #[test]

@@ -116,10 +116,12 @@ fn handles_are_reused_checked_and_never_followed() {
     unsafe {
         assert_eq!(fmi2SetFMUstate(host.c, state), OK);
         assert_eq!(host.get_integer("count"), 10);
-        // another instance's, the handle instead of its address, and a number that never was a handle
+        // another instance's, and a number that never was a handle
         assert_eq!(fmi2SetFMUstate(other.c, state), ERROR);
-        assert_eq!(fmi2FreeFMUstate(host.c, state.cast()), ERROR);
-        assert!(last_message().contains("instead of its address"));
+        let mut foreign = state;
+        assert_eq!(fmi2FreeFMUstate(other.c, &mut foreign), ERROR);
+        assert_eq!(foreign, state);
+        assert_eq!(fmi2SetFMUstate(host.c, state), OK, "the real one is not lost");
         let mut wild = 0xdead_beef_usize as State;
         assert_eq!(fmi2GetFMUstate(host.c, &mut wild), ERROR);
         assert_eq!(fmi2FreeFMUstate(host.c, &mut wild), ERROR);
@@ -129,6 +131,29 @@ fn handles_are_reused_checked_and_never_followed() {
         assert_eq!(fmi2FreeFMUstate(host.c, &mut stale), ERROR);
         assert_eq!(host.get_state(&mut state), OK);
         assert_ne!(state, first, "no handle is given out twice");
+    }
+}
+
+#[test]
+fn a_handle_in_the_place_of_its_address_is_served_or_refused_but_not_followed() {
+    let host = Host::started(0.0);
+    let other = Host::started(0.0);
+    let (mut kept, mut state, mut foreign) = (null_mut(), null_mut(), null_mut());
+    assert_eq!((host.get_state(&mut kept), host.get_state(&mut state), other.get_state(&mut foreign)), (OK, OK, OK));
+    unsafe {
+        // as fmusim does
+        assert_eq!(fmi2FreeFMUstate(host.c, state.cast()), OK);
+        assert_eq!(fmi2SetFMUstate(host.c, state), ERROR);
+        for handle in [state, foreign, host.c, other.c] {
+            assert_eq!(fmi2FreeFMUstate(host.c, handle.cast()), ERROR);
+            assert_eq!(fmi2GetFMUstate(host.c, handle.cast()), ERROR);
+            assert!(last_message().contains("instead of an address"), "{}", last_message());
+            assert_eq!(fmi2SerializedFMUstateSize(host.c, kept, handle.cast()), ERROR);
+            assert_eq!(fmi2GetReal(host.c, handle.cast(), 1, handle.cast()), ERROR);
+        }
+        assert_eq!(fmi2FreeFMUstate(host.c, 24 as _), ERROR);
+        assert_eq!(fmi2SetFMUstate(host.c, kept), OK, "the others are not lost");
+        assert_eq!(fmi2SetFMUstate(other.c, foreign), OK);
     }
 }
 

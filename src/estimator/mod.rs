@@ -13,8 +13,8 @@ pub mod wheeled_robot;
 use crate::{ParameterError, Status, Variables};
 use serde::{Serialize, de::DeserializeOwned};
 
-/// An online estimator of one machine.
-pub trait Estimator: Clone {
+/// An online estimator of one machine. Hosts move it between threads.
+pub trait Estimator: Clone + Send {
     /// Name in camel case, also the FMU's model identifier.
     const NAME: &'static str;
     /// What it estimates, in one sentence.
@@ -26,7 +26,7 @@ pub trait Estimator: Clone {
     /// What is estimated. Has `status`, `healthy` and, for every estimate `x`, `x_std`.
     type Outputs: Variables + Default;
     /// Everything that a step changes.
-    type State: Clone + Serialize + DeserializeOwned;
+    type State: Clone + Send + Serialize + DeserializeOwned;
 
     /// Checks the parameters and builds the estimator in its initial state.
     fn new(parameters: &Self::Parameters) -> Result<Self, ParameterError>;

@@ -1,8 +1,8 @@
 //! Messages to the host.
 
-use super::boundary::{Callbacks, DISCARD, ERROR, FATAL, LoggerCallback, OK, Status};
+use super::types::{Callbacks, DISCARD, ERROR, FATAL, LoggerCallback, OK, Status};
 use crate::describe::CATEGORIES;
-use crate::instance::{Level, Refusal};
+use crate::refusal::{Level, Refusal};
 use std::ffi::{CStr, CString, c_void};
 
 /// Place of `logEvents` among the categories.
@@ -10,6 +10,7 @@ const EVENTS: usize = 3;
 
 /// Sends messages of the wanted categories. On the success path nothing is sent unless the host
 /// turned logging on: some hosts hand out loggers that outlive their use.
+#[derive(Clone)]
 pub(super) struct Logger {
     callback: Option<LoggerCallback>,
     environment: *mut c_void,
@@ -77,6 +78,10 @@ impl Logger {
         unsafe { callback(self.environment, self.name.as_ptr(), status, category.as_ptr(), message.as_ptr()) }
     }
 }
+
+// SAFETY: the environment is a number that is handed back to the host's own callback; which thread calls it is the
+// choice of the host, which may use an instance from any thread, one at a time (FMI 2.0, 2.1.5).
+unsafe impl Send for Logger {}
 
 fn defaults(logging: bool) -> [bool; CATEGORIES.len()] {
     let mut wanted = [true; CATEGORIES.len()];

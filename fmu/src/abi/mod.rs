@@ -2,21 +2,27 @@
 //!
 //! The only unsafe code of the project. What a host owes every function here is what the FMI 2.0
 //! standard says: components come from `fmi2Instantiate` and are used from one thread at a time,
-//! arrays are as long as their counts, strings end with NUL. NULL, foreign and freed components,
-//! NULL arrays and stale state handles are noticed and refused; no panic leaves a function.
+//! arrays are as long as their counts, strings end with NUL. Components and states are handles, which are looked up
+//! and never followed: NULL, foreign, stale and freed ones are refused, and so are a component in use by another
+//! thread, NULL arrays and handles in the place of addresses. No panic leaves a function.
 #![allow(unsafe_code, clippy::missing_safety_doc)] // the safety contract is the one above for all
 
 mod boundary;
 mod logger;
+mod table;
+mod types;
 
 use crate::describe::guid;
-use crate::instance::{Instance, Refusal};
+use crate::handle;
+use crate::instance::Instance;
 use crate::model::{Catalogue, Type, models};
 use crate::phase::Call;
-pub use boundary::{Boolean, Callbacks, Component, DISCARD, ERROR, FATAL, LoggerCallback, OK, State, Status, WARNING};
-use boundary::{enter, guarded, list, place, release, retake, room, text};
+use crate::refusal::Refusal;
+use boundary::{enter, guarded, list, place, room, text};
 use logger::Logger;
 use std::ffi::{CStr, c_char, c_int, c_uint};
+use table::Slave;
+pub use types::{Boolean, Callbacks, Component, DISCARD, ERROR, FATAL, LoggerCallback, OK, State, Status, WARNING};
 
 const CO_SIMULATION: c_uint = 1;
 
@@ -96,24 +102,23 @@ pub unsafe fn instantiate_from(
         let model = guid::find(catalogue, &guid, resources.as_deref()).map_err(Refusal::error)?;
         Ok(Instance::new(model, guid))
     });
-    match made {
-        Ok(Ok(instance)) => release(instance, logger),
-        Ok(Err(refusal)) => {
-            logger.refuse(FUNCTION, &refusal);
-            std::ptr::null_mut()
-        }
-        Err(panic) => {
-            logger.refuse(FUNCTION, &Refusal::error(format!("internal error: {panic}")));
-            std::ptr::null_mut()
-        }
-    }
+    let refusal = match made {
+        Ok(Ok(instance)) => match table::insert(Slave { instance, logger: logger.clone() }) {
+            Some(component) => return component,
+            None => Refusal::error("there are too many instances in this process"),
+        },
+        Ok(Err(refusal)) => refusal,
+        Err(panic) => Refusal::error(format!("internal error: {panic}")),
+    };
+    logger.refuse(FUNCTION, &refusal);
+    std::ptr::null_mut()
 }
 
 /// Frees an instance with all its states. NULL and freed components are ignored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2FreeInstance(c: Component) {
     // a panic while dropping ends here; the memory is then lost, the host is not
-    let _ = guarded(|| drop(retake(c)));
+    let _ = guarded(|| drop(table::remove(c)));
 }
 
 /// Sets start and stop time.
@@ -281,16 +286,16 @@ pub unsafe extern "C" fn fmi2SetFMUstate(c: Component, state: State) -> Status {
     })
 }
 
-/// Frees a copied state and makes the handle NULL.
+/// Frees a copied state and makes the handle NULL. Some hosts pass the handle instead of its address; they are
+/// served, too.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2FreeFMUstate(c: Component, state: *mut State) -> Status {
     enter(c, Call::State, "fmi2FreeFMUstate", |slave| {
         if state.is_null() {
             return Ok(());
         }
-        // some hosts pass the handle instead of its address: it must not be followed
-        if slave.instance.snapshots.contains(state.addr()) {
-            return Err(Refusal::error("the FMU state itself was passed instead of its address"));
+        if handle::is_handle(state.addr()) {
+            return slave.instance.free_state(state.addr());
         }
         // SAFETY: the host passes the address of its handle.
         let handle = unsafe { place(state) }?;
