@@ -5,19 +5,25 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 use wheelstate::model::wheel_loader::*;
 
-fn loader(table: &Table, row: usize) -> Loader {
+fn loader(table: &Table, row: usize) -> WheelLoader {
     let limit = table.at(row, "mu_max(-1=inf)");
     let inertia = table.at(row, "I_e");
-    let mut loader = Loader {
-        friction: if limit < 0.0 { f64::INFINITY } else { limit },
-        axle_inertia: [inertia; 2],
-        ..Loader::default()
-    };
+    let mut machine = with_tire(limit < 0.0, limit, inertia);
     if table.columns.iter().any(|c| c == "h_b") {
-        loader.bucket_height = table.at(row, "h_b");
-        loader.wheel_radius[1] = 0.548;
+        machine.loader.bucket_height = table.at(row, "h_b");
+        machine.loader.wheel_radius_rear = 0.548;
     }
-    loader
+    machine
+}
+
+/// The default loader with these tyres and axles.
+fn with_tire(linear: bool, friction: f64, axle_inertia: f64) -> WheelLoader {
+    let (axle_inertia_front, axle_inertia_rear) = (axle_inertia, axle_inertia);
+    WheelLoader {
+        loader: Loader { axle_inertia_front, axle_inertia_rear, ..Loader::default() },
+        tire: Tire { friction: if linear { 1e6 } else { friction }, ..Tire::default() },
+        ..WheelLoader::default()
+    }
 }
 
 fn drive(table: &Table, row: usize) -> Drive {
@@ -43,20 +49,25 @@ fn rates_loads_and_jacobian_match_the_reference() {
     let mut lifted = 0;
     for row in 0..table.rows.len() {
         let (x, p) = point(&table, row);
-        let (point, jacobian) = loader(&table, row).linearise(&x, &p, &drive(&table, row));
+        let (machine, u) = (loader(&table, row), drive(&table, row));
+        let (wide, jacobian, _) = machine.linearise(&x, &p, &u);
         let check = |name: &str, value: f64| {
             assert_close(&format!("row {row} {name}"), value, table.at(row, name), 1e-10, 1e-9);
         };
-        check("sig_f", point.slip[0]);
-        check("sig_r", point.slip[1]);
-        check("Fzf", point.load[0]);
-        check("Fzr", point.load[1]);
-        check("a_s", point.specific_force);
-        check("D_raw", point.transfer);
-        assert_eq!(point.lift, table.at(row, "lift") != 0.0, "row {row}");
-        lifted += usize::from(point.lift);
-        for (i, name) in ["v_dot", "wf_dot", "wr_dot"].iter().enumerate() {
-            check(name, point.rates[i]);
+        for point in [machine.rates(&x, &p, &u), wide] {
+            check("sig_f", point.slip[0]);
+            check("sig_r", point.slip[1]);
+            check("Fzf", point.load[0]);
+            check("Fzr", point.load[1]);
+            check("a_s", point.specific_force);
+            check("D_raw", point.transfer);
+            for (i, name) in ["v_dot", "wf_dot", "wr_dot"].iter().enumerate() {
+                check(name, point.rates[i]);
+            }
+            assert_eq!(point.lift, table.at(row, "lift") != 0.0, "row {row}");
+        }
+        lifted += usize::from(wide.lift);
+        for i in 0..3 {
             for j in 0..3 {
                 check(&format!("J{i}{j}"), jacobian.motion[(i, j)]);
                 check(&format!("J{i}{}", j + 3), jacobian.unknowns[(i, j)]);
@@ -93,6 +104,7 @@ fn steps_match_the_reference() {
 #[test]
 fn loads_balance_forces_and_moments() {
     let loader = Loader { bucket_height: 0.4, ..Loader::default() };
+    let machine = WheelLoader { loader, ..WheelLoader::default() };
     let (h, lambda, stiffness) = (0.95, 0.45, 19.0);
     let (m, l) = (loader.mass, loader.wheelbase);
     for (slope, force_x, force_z, spin) in
@@ -100,10 +112,10 @@ fn loads_balance_forces_and_moments() {
     {
         let x = Vector3::new(2.0, 2.0 / 0.55 * spin, 2.0 / 0.55 * (2.0 - spin));
         let u = Drive { slope, force_x, force_z, ..Drive::default() };
-        let at = loader.rates(&x, &Vector3::new(stiffness, h, lambda), &u);
+        let at = machine.rates(&x, &Vector3::new(stiffness, h, lambda), &u);
         assert!(!at.lift && !at.guarded);
         let tractive = |i: usize| 0.75 * (stiffness * at.slip[i] / 0.75).tanh() * at.load[i];
-        let resistance = loader.rolling * (at.load[0] + at.load[1]);
+        let resistance = machine.rolling.coefficient * (at.load[0] + at.load[1]);
         let along = tractive(0) + tractive(1) - resistance - force_x - m * GRAVITY * slope.sin() - m * at.rates[0];
         let normal = at.load[0] + at.load[1] - m * GRAVITY * slope.cos() - force_z;
         let (to_front, to_rear) = (l * (1.0 - lambda), l * lambda);
@@ -125,27 +137,33 @@ proptest! {
         lambda in 0.15..0.85f64, torque in -4000.0..4000.0f64, brake in 0.0..800.0f64, slope in -0.2..0.2f64,
         force in 0.0..6000.0f64, linear in any::<bool>()
     ) {
-        let loader = Loader { friction: if linear { f64::INFINITY } else { 0.75 }, ..Loader::default() };
+        let machine = with_tire(linear, 0.75, 36.0);
         let u = Drive { torque: [torque, 0.5 * torque], brake: [brake, 0.0], slope, force_x: force, force_z: 0.4 * force };
         let x = Vector3::new(v, v * (1.0 + sf) / 0.55, v * (1.0 + sr) / 0.55);
         let p = Vector3::new(stiffness, h, lambda);
-        let (at, j) = loader.linearise(&x, &p, &u);
+        let (at, j, load) = machine.linearise(&x, &p, &u);
         // Away from the seams, where one-sided derivatives differ.
-        let near_seam = |f: f64| (f - loader.slip_speed).abs() < 1e-3;
+        let near_seam = |f: f64| (f - machine.tire.slip_speed).abs() < 1e-3;
         prop_assume!(!(0..2).any(|i| near_seam(v.abs()) || near_seam((0.55 * x[i + 1]).abs()) || at.slip[i].abs() < 1e-3));
         prop_assume!(at.load.iter().all(|load| *load == 0.0 || load.abs() > 50.0) && (at.transfer - 0.1).abs() > 1e-2);
         for k in 0..8 {
             let eps = 1e-6 * if k < 3 { x[k].abs().max(1.0) } else if k < 6 { p[k - 3] } else { 1.0 };
             let shifted = |s: f64| {
-                let (mut x, mut p, mut loader) = (x, p, loader);
+                let (mut x, mut p, mut machine) = (x, p, machine);
                 match k {
                     0..3 => x[k] += s,
                     3..6 => p[k - 3] += s,
-                    _ => loader.wheel_radius[k - 6] *= s.exp(),
+                    6 => machine.loader.wheel_radius_front *= s.exp(),
+                    _ => machine.loader.wheel_radius_rear *= s.exp(),
                 }
-                loader.rates(&x, &p, &u).rates
+                machine.rates(&x, &p, &u)
             };
-            let numeric = (shifted(eps) - shifted(-eps)) / (2.0 * eps);
+            let (up, down) = (shifted(eps), shifted(-eps));
+            let numeric = (up.rates - down.rates) / (2.0 * eps);
+            if k < 6 {
+                let numeric = (up.load[0] - down.load[0]) / (2.0 * eps);
+                prop_assert!((load[k] - numeric).abs() <= 1e-5 * numeric.abs().max(1e3), "load {k}: {} {numeric}", load[k]);
+            }
             for i in 0..3 {
                 let analytic = match k {
                     0..3 => j.motion[(i, k)],
@@ -163,11 +181,11 @@ proptest! {
         x in prop::array::uniform3(-50.0..50.0f64), torque in -1e5..1e5f64, stiffness in 2.0..80.0f64,
         h in 0.3..2.5f64, lambda in 0.1..0.9f64, force in -1e5..1e5f64, linear in any::<bool>()
     ) {
-        let loader = Loader { friction: if linear { f64::INFINITY } else { 0.75 }, axle_inertia: [3.33; 2], ..Loader::default() };
+        let machine = with_tire(linear, 0.75, 3.33);
         let u = Drive { torque: [torque, -torque], force_x: force, force_z: -force, ..Drive::default() };
         let mut x = Vector3::from(x);
         for _ in 0..100 {
-            x = loader.advance(&x, &Vector3::new(stiffness, h, lambda), &u, 0.01, 2);
+            x = machine.advance(&x, &Vector3::new(stiffness, h, lambda), &u, 0.01, 2);
         }
         prop_assert!(x.iter().all(|value| value.is_finite()));
     }

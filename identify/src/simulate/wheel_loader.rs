@@ -5,7 +5,7 @@ use crate::log::Log;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use wheelstate::estimator::wheel_loader::{Machine, Rolling, Tire};
+use wheelstate::model::wheel_loader::{Loader, Rolling, Tire};
 use wheelstate::plant::road::{Road, class};
 use wheelstate::plant::wheel_loader::{self as plant, Action, Plant};
 use wheelstate::{Variables, variables};
@@ -94,7 +94,7 @@ variables! {
         /// Time between two samples.
         sample_period: f64 = 0.01, "s", [1e-3, 0.5];
         /// The machine as its user knows it.
-        loader: Machine;
+        loader: Loader;
         /// Rolling resistance.
         rolling: Rolling;
         /// The tyres.

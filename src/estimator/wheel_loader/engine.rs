@@ -6,7 +6,7 @@ use super::parameters::{Adaptation, Form, Kind, ModelError, Parameters, Radii};
 use super::supervision::{Fading, SlipLimits, Supervision};
 use crate::filter::square_root::{absorb_diagonal, andrews, array, block, joseph, set_block, tria, variances};
 use crate::filter::srukf::{Gaussian, Spread, SpreadError, predict_linearised};
-use crate::model::wheel_loader::{Drive, Driven, GRAVITY, Loader, Motion, Unknowns};
+use crate::model::wheel_loader::{Drive, Driven, GRAVITY, Loader, Motion, Unknowns, WheelLoader};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use std::f64::consts::TAU;
 
@@ -25,7 +25,7 @@ const HELD_WALK: [f64; 3] = [0.05, 0.2, 0.2];
 #[derive(Clone, Debug)]
 pub struct Engine {
     /// The machine with the radii as given.
-    pub loader: Loader,
+    pub machine: WheelLoader,
     /// Coordinates of the unknowns.
     pub map: Map,
     /// Whether the radii are part of the belief.
@@ -90,7 +90,7 @@ impl Engine {
             radius_std,
         ];
         Ok(Self {
-            loader: p.loader(),
+            machine: p.machine(),
             map,
             radii,
             kind: filter.kind,
@@ -150,13 +150,15 @@ impl Engine {
 
     /// The rolling radii with their relative errors.
     fn radius(&self, errors: [f64; 2]) -> [f64; 2] {
-        let given = self.loader.wheel_radius;
+        let given = self.machine.loader.wheel_radius();
         [given[0] * (1.0 + errors[0]), given[1] * (1.0 + errors[1])]
     }
 
     /// The machine with the radii of a belief.
-    pub fn corrected(&self, radius_errors: [f64; 2]) -> Loader {
-        Loader { wheel_radius: self.radius(radius_errors), ..self.loader }
+    pub fn corrected(&self, radius_errors: [f64; 2]) -> WheelLoader {
+        let [wheel_radius_front, wheel_radius_rear] = self.radius(radius_errors);
+        let loader = Loader { wheel_radius_front, wheel_radius_rear, ..self.machine.loader };
+        WheelLoader { loader, ..self.machine }
     }
 
     /// What the model's simplifications can make of the unknowns, as standard deviations.
@@ -166,8 +168,8 @@ impl Engine {
     /// share itself: `dlambda = lambda (1 - lambda) 2 s K m g h / (l k r)`.
     pub fn model_std(&self, unknowns: &Unknowns) -> Vector3<f64> {
         let (stiffness, h, lambda) = (unknowns[0], unknowns[1], unknowns[2]);
-        let (loader, error) = (&self.loader, &self.model_error);
-        let radius = 0.5 * (loader.wheel_radius[0] + loader.wheel_radius[1]);
+        let (loader, error) = (&self.machine.loader, &self.model_error);
+        let radius = 0.5 * (loader.wheel_radius_front + loader.wheel_radius_rear);
         let softness = 2.0 * error.radius_softness * stiffness * loader.mass * GRAVITY * h
             / (loader.wheelbase * error.tire_stiffness * radius);
         Vector3::new(error.slip_stiffness * stiffness, error.cg_height * h, lambda * (1.0 - lambda) * softness)
@@ -176,7 +178,7 @@ impl Engine {
     /// Sets the motion from the first measurement; a missing wheel speed follows from the speed and
     /// the other way round.
     pub fn begin(&self, belief: &mut Belief, y: &[f64; 3]) {
-        let r = self.loader.wheel_radius;
+        let r = self.machine.loader.wheel_radius();
         let rolling = (0..2).map(|i| r[i] * y[i + 1]).find(|speed| speed.is_finite());
         let v = if y[0].is_finite() { y[0] } else { rolling.unwrap_or(0.0) };
         let motion = [v, v / r[0], v / r[1]];
@@ -311,7 +313,7 @@ impl Engine {
         let fading = if dt == self.fading.dt { self.fading } else { Fading::new(&self.adaptation, dt) };
         let mut common = (1.0_f64, 1.0_f64);
         for i in 0..2 {
-            let r = self.loader.wheel_radius[i];
+            let r = self.machine.loader.wheel_radius()[i];
             let e = r * (y[i + 1] - predicted.mean[i + 1]) - (y[0] - predicted.mean[0]);
             if !e.is_finite() {
                 continue;
@@ -367,7 +369,7 @@ impl Engine {
         let errors = |z: &SVector<f64, N>| if N > 6 { [z[6], z[7]] } else { [0.0; 2] };
         let motion = Motion::new(mean[0], mean[1], mean[2]);
         let unknowns = self.map.centre(&Vector3::new(mean[3], mean[4], mean[5]));
-        let (driven, radii) = (Driven::new(&self.loader, drive), errors(mean));
+        let (driven, radii) = (Driven::new(&self.machine, drive), errors(mean));
         let advance = |motion: &Motion, unknowns: &Unknowns, radii: [f64; 2]| {
             driven.advance(self.radius(radii), motion, unknowns, dt, substeps)
         };

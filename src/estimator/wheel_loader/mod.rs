@@ -187,8 +187,8 @@ impl WheelLoader {
             status.raise_if(reasons.spin, Status::SLIP);
             if !reasons.standstill && !reasons.spin {
                 // The radii as given: corrected ones have learnt from the same data.
-                let (loader, limits) = (&self.engine.loader, &self.engine.slip_limits);
-                let raised = supervision.evidence.take(loader, drive, y, limits, dt);
+                let (machine, limits) = (&self.engine.machine, &self.engine.slip_limits);
+                let raised = supervision.evidence.take(machine, drive, y, limits, dt);
                 if raised {
                     // What was learnt from contradictory data is forgotten.
                     self.forget();

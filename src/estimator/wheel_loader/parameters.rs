@@ -1,7 +1,7 @@
 //! The declared parameters, inputs and outputs of the wheel loader's estimator.
 
 use crate::Status;
-use crate::model::wheel_loader::Loader;
+use crate::model::wheel_loader::{Loader, Rolling, Tire, WheelLoader};
 
 choice! {
     /// Kind of the filter's time update.
@@ -21,50 +21,6 @@ choice! {
 choice! {
     /// Whether the rolling radii are taken as they are or corrected online.
     pub enum Radii { Estimated = "estimated", Fixed = "fixed" }
-}
-
-variables! {
-    /// The machine.
-    pub struct Machine {
-        /// Mass of the machine with its load.
-        mass: f64 = 4700.0, "kg", [50.0, 1e6];
-        /// Wheelbase.
-        wheelbase: f64 = 2.2, "m", [0.2, 20.0];
-        /// Rolling radius of the front wheels at zero torque. A front to rear mismatch of 0.3 % spoils the centre of gravity.
-        wheel_radius_front: f64 = 0.55, "m", [0.05, 3.0];
-        /// Rolling radius of the rear wheels at zero torque.
-        wheel_radius_rear: f64 = 0.55, "m", [0.05, 3.0];
-        /// Inertia of the front axle with its drive, seen at the wheels.
-        axle_inertia_front: f64 = 36.0, "kg.m2", [1e-3, 1e5];
-        /// Inertia of the rear axle with its drive, seen at the wheels.
-        axle_inertia_rear: f64 = 36.0, "kg.m2", [1e-3, 1e5];
-        /// Distance of the bucket's tip ahead of the front axle.
-        bucket_reach: f64 = 1.6, "m", [-5.0, 20.0];
-        /// Height of the bucket's tip above ground, where the spading force acts.
-        bucket_height: f64 = 0.0, "m", [-5.0, 20.0];
-        /// Lower limit of the load transfer's denominator; a numerical guard.
-        transfer_floor: f64 = 0.1, "1", [1e-3, 1.0];
-    }
-}
-
-variables! {
-    /// Rolling resistance.
-    pub struct Rolling {
-        /// Rolling resistance over axle load.
-        coefficient: f64 = 0.03, "1", [0.0, 0.5];
-        /// Speed over which the resistance changes its sign smoothly.
-        smoothing_speed: f64 = 0.05, "m/s", [1e-4, 1.0];
-    }
-}
-
-variables! {
-    /// The tyres.
-    pub struct Tire {
-        /// Largest friction coefficient; 1000 and more makes the tyre linear.
-        friction: f64 = 0.75, "1", [0.05, 1e6];
-        /// Speed below which slip is no longer relative to the speed.
-        slip_speed: f64 = 0.3, "m/s", [1e-3, 5.0];
-    }
 }
 
 variables! {
@@ -247,7 +203,7 @@ variables! {
         /// Time between two samples.
         sample_period: f64 = 0.01, "s", [1e-4, 0.5];
         /// The machine.
-        loader: Machine;
+        loader: Loader;
         /// Rolling resistance.
         rolling: Rolling;
         /// The tyres.
@@ -345,20 +301,7 @@ variables! {
 
 impl Parameters {
     /// The machine for the model.
-    pub fn loader(&self) -> Loader {
-        let (machine, tire) = (&self.loader, &self.tire);
-        Loader {
-            mass: machine.mass,
-            wheelbase: machine.wheelbase,
-            wheel_radius: [machine.wheel_radius_front, machine.wheel_radius_rear],
-            axle_inertia: [machine.axle_inertia_front, machine.axle_inertia_rear],
-            bucket_reach: machine.bucket_reach,
-            bucket_height: machine.bucket_height,
-            rolling: self.rolling.coefficient,
-            friction: if tire.friction >= 1e3 { f64::INFINITY } else { tire.friction },
-            slip_speed: tire.slip_speed,
-            sign_speed: self.rolling.smoothing_speed,
-            transfer_floor: machine.transfer_floor,
-        }
+    pub fn machine(&self) -> WheelLoader {
+        WheelLoader { loader: self.loader, rolling: self.rolling, tire: self.tire }
     }
 }

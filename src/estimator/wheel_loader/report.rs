@@ -4,7 +4,7 @@ use super::engine::{Engine, STATES};
 use super::{Inputs, Outputs, Status, WheelLoader};
 use crate::filter::square_root::std_of;
 use crate::filter::srukf::Gaussian;
-use crate::model::wheel_loader::{Driven, GRAVITY, Loader, Motion, Unknowns};
+use crate::model::wheel_loader::{Drive, Driven, GRAVITY, Motion, Unknowns, WheelLoader as Machine};
 use nalgebra::{SVector, Vector3};
 
 impl WheelLoader {
@@ -22,7 +22,7 @@ impl WheelLoader {
         status
     }
 
-    fn machine_and_motion(&self) -> (Loader, Motion) {
+    fn machine_and_motion(&self) -> (Machine, Motion) {
         let mean = &self.state.belief.mean;
         (self.engine.corrected([mean[6], mean[7]]), Motion::new(mean[0], mean[1], mean[2]))
     }
@@ -54,12 +54,12 @@ impl WheelLoader {
         out.cg_height_std = std[1];
         out.cg_ratio = unknowns[2];
         out.cg_ratio_std = std[2];
-        out.cg_to_rear_axle = unknowns[2] * machine.wheelbase;
-        out.cg_to_rear_axle_std = std[2] * machine.wheelbase;
-        out.wheel_radius_front = machine.wheel_radius[0];
-        out.wheel_radius_rear = machine.wheel_radius[1];
-        out.wheel_radius_front_std = engine.loader.wheel_radius[0] * std_of(&state.belief.factor, 6);
-        out.wheel_radius_rear_std = engine.loader.wheel_radius[1] * std_of(&state.belief.factor, 7);
+        out.cg_to_rear_axle = unknowns[2] * machine.loader.wheelbase;
+        out.cg_to_rear_axle_std = std[2] * machine.loader.wheelbase;
+        out.wheel_radius_front = machine.loader.wheel_radius_front;
+        out.wheel_radius_rear = machine.loader.wheel_radius_rear;
+        out.wheel_radius_front_std = engine.machine.loader.wheel_radius_front * std_of(&state.belief.factor, 6);
+        out.wheel_radius_rear_std = engine.machine.loader.wheel_radius_rear * std_of(&state.belief.factor, 7);
         out.speed_estimate = motion[0];
         out.speed_estimate_std = std_of(&state.belief.factor, 0);
         let standing = !state.started || (held && motion[0].abs() < self.parameters.hold.resume_speed);
@@ -113,29 +113,25 @@ fn model_variance(i: usize, engine: &Engine, belief: &Gaussian<STATES>, model: &
 fn load_ratio(
     engine: &Engine,
     belief: &Gaussian<STATES>,
-    machine: &Loader,
+    machine: &Machine,
     motion: &Motion,
     unknowns: &Unknowns,
-    drive: &crate::model::wheel_loader::Drive,
+    drive: &Drive,
     standing: bool,
 ) -> (f64, f64) {
-    let (sin, cos) = drive.slope.sin_cos();
-    let (m, l) = (machine.mass, machine.wheelbase);
-    let total = (m * GRAVITY * cos + drive.force_z).max(1e-3 * m * GRAVITY);
+    let total = machine.weight(drive).max(1e-3 * machine.loader.mass * GRAVITY);
     let mut gradient = SVector::<f64, STATES>::zeros();
-    let (point, _) = machine.linearise(motion, unknowns, drive);
-    let front = if standing || point.lift {
-        gradient[4] = -m * GRAVITY * sin / l;
-        gradient[5] = m * GRAVITY * cos;
-        m * GRAVITY * (unknowns[2] * cos - unknowns[1] / l * sin) + drive.force_z * (l + machine.bucket_reach) / l
-            - drive.force_x * machine.bucket_height / l
+    let (point, _, derivatives) = machine.linearise(motion, unknowns, drive);
+    let mut front = point.load[0];
+    if standing || point.lift {
+        let (still, by_centre_of_gravity) = machine.standing_front_load(unknowns, drive);
+        gradient.fixed_rows_mut::<2>(4).copy_from_slice(&by_centre_of_gravity);
+        front = if standing { still } else { front };
     } else {
-        gradient.fixed_rows_mut::<6>(0).copy_from_slice(&point.load_slope);
-        gradient[6] = point.load_slope[1] * motion[1];
-        gradient[7] = point.load_slope[2] * motion[2];
-        point.load[0]
-    };
-    let front = if point.lift && !standing { point.load[0] } else { front };
+        gradient.fixed_rows_mut::<6>(0).copy_from_slice(&derivatives);
+        gradient[6] = derivatives[1] * motion[1];
+        gradient[7] = derivatives[2] * motion[2];
+    }
     let (slope, by_ratio) = (engine.map.slope(unknowns), gradient[5]);
     for i in 0..3 {
         gradient[3 + i] *= slope[i];

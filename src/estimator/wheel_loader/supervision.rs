@@ -1,7 +1,7 @@
 //! When the unknowns are held, and whether slip and torque can both be true.
 
 use super::parameters::{Adaptation, Hold};
-use crate::model::wheel_loader::{Drive, GRAVITY, Loader, slip};
+use crate::model::wheel_loader::{Drive, GRAVITY, WheelLoader};
 use serde::{Deserialize, Serialize};
 
 /// Torque share `|T|/(r m g)` from which an axle must slip measurably.
@@ -109,15 +109,15 @@ pub struct Reasons {
 impl Supervision {
     /// Decides whether the coming sample is held. `y` is NaN where nothing was measured and `motion`
     /// the estimate before the sample.
-    pub fn decide(&mut self, hold: &Hold, loader: &Loader, y: &[f64; 3], motion: &[f64; 3], dt: f64) -> Reasons {
+    pub fn decide(&mut self, hold: &Hold, machine: &WheelLoader, y: &[f64; 3], motion: &[f64; 3], dt: f64) -> Reasons {
         let seen = |i: usize| if y[i].is_finite() { y[i] } else { motion[i] };
         let speed = seen(0).abs().min(motion[0].abs());
         let threshold = if self.held { hold.resume_speed } else { hold.stop_speed };
         let limit = hold.samples.max(0) as u32;
+        let radius = machine.loader.wheel_radius();
         let reasons = Reasons {
             standstill: speed < threshold,
-            spin: (0..2)
-                .any(|i| slip(seen(0), seen(i + 1), loader.wheel_radius[i], loader.slip_speed).abs() > hold.slip),
+            spin: (0..2).any(|i| machine.tire.slip(seen(0), seen(i + 1), radius[i]).abs() > hold.slip),
             lost: self.lost > limit || self.stale > limit,
         };
         let unfit = reasons.standstill || reasons.spin || reasons.lost;
@@ -159,16 +159,16 @@ pub struct SlipEvidence {
 
 impl SlipEvidence {
     /// Takes the measured slip of a moving machine; returns true at the sample that raises the flag.
-    pub fn take(&mut self, loader: &Loader, drive: &Drive, y: &[f64; 3], limits: &SlipLimits, dt: f64) -> bool {
+    pub fn take(&mut self, machine: &WheelLoader, drive: &Drive, y: &[f64; 3], limits: &SlipLimits, dt: f64) -> bool {
         if !y.iter().all(|value| value.is_finite()) {
             return false;
         }
         // exp(-dt / MEMORY) to all digits that matter for a memory.
         let forget = 1.0 / (1.0 + dt / MEMORY);
-        let weight = loader.mass * GRAVITY;
+        let (weight, radius) = (machine.loader.mass * GRAVITY, machine.loader.wheel_radius());
         let mut torque_acts = false;
         for i in 0..2 {
-            let force = (drive.torque[i] - drive.brake[i] * y[i + 1].signum()) / loader.wheel_radius[i];
+            let force = (drive.torque[i] - drive.brake[i] * y[i + 1].signum()) / radius[i];
             if force.abs() <= TORQUE_SHARE * weight {
                 continue;
             }
@@ -181,7 +181,7 @@ impl SlipEvidence {
                 self.demand *= forget;
             }
             let demand = force / (weight * if i == 0 { limits.ratio } else { 1.0 - limits.ratio });
-            let sigma = slip(y[0], y[i + 1], loader.wheel_radius[i], loader.slip_speed);
+            let sigma = machine.tire.slip(y[0], y[i + 1], radius[i]);
             self.samples += 1.0;
             self.slip_demand += sigma * demand;
             self.demand_demand += demand * demand;

@@ -36,64 +36,112 @@
 //! - Eqs. 13, 14: the transfer is `-(h m/l)(v' + g sin alpha)` in front and `+` at the rear.
 //! - Eqs. 6, 7 give `F_x` at the tip no moment; `h_b = 0` reproduces that.
 //! - Eq. 18: explicit Euler at 10 ms is unstable here (the wheel's pole is near -2e4 1/s with the
-//!   printed inertia); [`Loader::advance`] is linearly implicit.
+//!   printed inertia); [`WheelLoader::advance`] is linearly implicit.
 //! - Table 1: the mass "4.7 kg" is in tonnes and 50 N.m can only be a motor torque.
 
-mod axles;
+//!
+//! [`WheelLoader::rates`] is the definition; [`Driven`] computes both axles side by side, with the derivatives and the
+//! implicit step, and is held to it by its tests.
 
-pub use axles::Driven;
+mod wide;
 
-use axles::{Axles, vector};
+pub use wide::Driven;
+
 use nalgebra::{Matrix3, Matrix3x2, Vector3};
 use serde::{Deserialize, Serialize};
+use wide::{Axles, vector};
 
-/// Standard gravity, m/s2.
-pub const GRAVITY: f64 = 9.80665;
+/// Gravity, m/s2.
+pub const GRAVITY: f64 = super::STANDARD_GRAVITY;
 
-/// What is known of the machine.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Loader {
-    /// Mass `m`, kg.
-    pub mass: f64,
-    /// Wheelbase `l`, m.
-    pub wheelbase: f64,
-    /// Rolling radii at zero torque `[r_f, r_r]`, m.
-    pub wheel_radius: [f64; 2],
-    /// Inertia of each axle with its drive, seen at the wheels, `[I_f, I_r]`, kg.m2.
-    pub axle_inertia: [f64; 2],
-    /// Distance of the bucket's tip ahead of the front axle `l_c`, m.
-    pub bucket_reach: f64,
-    /// Height of the bucket's tip `h_b`, m.
-    pub bucket_height: f64,
-    /// Rolling resistance coefficient `f`.
-    pub rolling: f64,
-    /// Largest friction coefficient `mu_max`; infinite for the source's linear tyre.
-    pub friction: f64,
-    /// Speed below which slip is no longer relative `v_g`, m/s.
-    pub slip_speed: f64,
-    /// Speed over which resistance changes sign `v_s`, m/s.
-    pub sign_speed: f64,
-    /// Lower limit of the load-transfer denominator `d_min`.
-    pub transfer_floor: f64,
+variables! {
+    /// The machine: a compact loader of 4.7 t; what the source does not print is an engineering assumption.
+    #[derive(Copy)]
+    pub struct Loader {
+        /// Mass of the machine with its load (m).
+        mass: f64 = 4700.0, "kg", [50.0, 1e6];
+        /// Wheelbase (l).
+        wheelbase: f64 = 2.2, "m", [0.2, 20.0];
+        /// Rolling radius of the front wheels at zero torque (r_f). A front to rear mismatch of 0.3 % spoils the centre of gravity.
+        wheel_radius_front: f64 = 0.55, "m", [0.05, 3.0];
+        /// Rolling radius of the rear wheels at zero torque (r_r).
+        wheel_radius_rear: f64 = 0.55, "m", [0.05, 3.0];
+        /// Inertia of the front axle with its drive, seen at the wheels (I_f).
+        axle_inertia_front: f64 = 36.0, "kg.m2", [1e-3, 1e5];
+        /// Inertia of the rear axle with its drive, seen at the wheels (I_r).
+        axle_inertia_rear: f64 = 36.0, "kg.m2", [1e-3, 1e5];
+        /// Distance of the bucket's tip ahead of the front axle (l_c).
+        bucket_reach: f64 = 1.6, "m", [-5.0, 20.0];
+        /// Height of the bucket's tip above ground, where the spading force acts (h_b).
+        bucket_height: f64 = 0.0, "m", [-5.0, 20.0];
+        /// Lower limit of the load transfer's denominator; a numerical guard (d_min).
+        transfer_floor: f64 = 0.1, "1", [1e-3, 1.0];
+    }
 }
 
-impl Default for Loader {
-    /// A compact loader of 4.7 t; what the source does not print is an engineering assumption.
-    fn default() -> Self {
-        Self {
-            mass: 4700.0,
-            wheelbase: 2.2,
-            wheel_radius: [0.55; 2],
-            axle_inertia: [36.0; 2],
-            bucket_reach: 1.6,
-            bucket_height: 0.0,
-            rolling: 0.03,
-            friction: 0.75,
-            slip_speed: 0.3,
-            sign_speed: 0.05,
-            transfer_floor: 0.1,
-        }
+variables! {
+    /// Rolling resistance.
+    #[derive(Copy)]
+    pub struct Rolling {
+        /// Rolling resistance over axle load (f).
+        coefficient: f64 = 0.03, "1", [0.0, 0.5];
+        /// Speed over which the resistance changes its sign smoothly (v_s).
+        smoothing_speed: f64 = 0.05, "m/s", [1e-4, 1.0];
     }
+}
+
+variables! {
+    /// The tyres.
+    #[derive(Copy)]
+    pub struct Tire {
+        /// Largest friction coefficient (mu_max); 1000 and more makes the tyre linear, as the source's is.
+        friction: f64 = 0.75, "1", [0.05, 1e6];
+        /// Speed below which slip is no longer relative to the speed (v_g).
+        slip_speed: f64 = 0.3, "m/s", [1e-3, 5.0];
+    }
+}
+
+impl Loader {
+    /// Rolling radii at zero torque `[r_f, r_r]`, m.
+    pub fn wheel_radius(&self) -> [f64; 2] {
+        [self.wheel_radius_front, self.wheel_radius_rear]
+    }
+
+    /// Inertias of the axles `[I_f, I_r]`, kg.m2.
+    pub fn axle_inertia(&self) -> [f64; 2] {
+        [self.axle_inertia_front, self.axle_inertia_rear]
+    }
+}
+
+impl Tire {
+    /// `1 / mu_max`; 0 if the tyre is linear.
+    fn per_friction(&self) -> f64 {
+        if self.friction < 1000.0 { 1.0 / self.friction } else { 0.0 }
+    }
+
+    /// Friction demand `mu(x)` of a slip times its stiffness, `x = K sigma`.
+    pub fn friction_demand(&self, x: f64) -> f64 {
+        let per_friction = self.per_friction();
+        if per_friction > 0.0 { self.friction * (x * per_friction).tanh() } else { x }
+    }
+
+    /// Slip `sigma` of a wheel of radius `r` (m) that turns at `w` (rad/s) over ground that passes at `v` (m/s). One
+    /// form drives, brakes, reverses and stands still.
+    pub fn slip(&self, v: f64, w: f64, radius: f64) -> f64 {
+        let rolling = radius * w;
+        (rolling - v) / rolling.abs().max(v.abs()).max(self.slip_speed)
+    }
+}
+
+/// All that is known of the machine.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WheelLoader {
+    /// Masses and lengths.
+    pub loader: Loader,
+    /// Rolling resistance.
+    pub rolling: Rolling,
+    /// The tyres.
+    pub tire: Tire,
 }
 
 /// What drives the model: `u = [T_f, T_r, B_f, B_r, alpha, F_x, F_z]`.
@@ -135,15 +183,6 @@ pub struct Point {
     pub transfer: f64,
     /// The guard of the denominator acts.
     pub guarded: bool,
-    /// Derivatives of the front load to `(v, w_f, w_r, K, h, lambda)`, N per unit. The sum of both
-    /// loads depends on none of them.
-    pub load_slope: [f64; 6],
-}
-
-/// Slip of a wheel. One form drives, brakes, reverses and stands still.
-pub fn slip(v: f64, w: f64, radius: f64, slip_speed: f64) -> f64 {
-    let rolling = radius * w;
-    (rolling - v) / rolling.abs().max(v.abs()).max(slip_speed)
 }
 
 /// Derivatives of the rates, or of the motion after a step.
@@ -157,27 +196,74 @@ pub struct Jacobian {
     pub radii: Matrix3x2<f64>,
 }
 
-impl Loader {
+/// Derivatives of the front load to `(v, w_f, w_r, K, h, lambda)`, N per unit. The sum of both loads depends on none
+/// of them.
+pub type LoadDerivatives = [f64; 6];
+
+impl WheelLoader {
+    /// Load on both axles `W`, N.
+    pub fn weight(&self, u: &Drive) -> f64 {
+        self.loader.mass * GRAVITY * u.slope.cos() + u.force_z
+    }
+
+    /// Front axle's load of a machine that does not accelerate, `F_zf` with `a_s = g sin alpha`, N, with its
+    /// derivatives to `[h, lambda]`.
+    pub fn standing_front_load(&self, p: &Unknowns, u: &Drive) -> (f64, [f64; 2]) {
+        let (Loader { mass: m, wheelbase: l, bucket_reach, bucket_height, .. }, [_, h, lambda]) =
+            (self.loader, (*p).into());
+        let (sin, cos) = u.slope.sin_cos();
+        let load = m * GRAVITY * (lambda * cos - h / l * sin) + u.force_z * (l + bucket_reach) / l
+            - u.force_x * bucket_height / l;
+        (load, [-m * GRAVITY * sin / l, m * GRAVITY * cos])
+    }
+
     /// The model. The guard of `D` matters with the linear tyre only, whose `D` reaches 0 at
     /// `sigma_f - sigma_r = -l/(h K)`.
     pub fn rates(&self, x: &Motion, p: &Unknowns, u: &Drive) -> Point {
-        self.linearise(x, p, u).0
+        let ([v, w_f, w_r], [stiffness, h, lambda]) = ((*x).into(), (*p).into());
+        let Loader { mass: m, wheelbase: l, bucket_reach: l_c, bucket_height: h_b, transfer_floor: d_min, .. } =
+            self.loader;
+        let (Rolling { coefficient: f, .. }, tire) = (self.rolling, &self.tire);
+        let ([r_f, r_r], [i_f, i_r]) = (self.loader.wheel_radius(), self.loader.axle_inertia());
+        let smooth_sign = |x: f64| (x / self.rolling.smoothing_speed).tanh();
+
+        let slip = [tire.slip(v, w_f, r_f), tire.slip(v, w_r, r_r)];
+        let [mu_f, mu_r] = slip.map(|sigma| tire.friction_demand(stiffness * sigma));
+
+        let weight = self.weight(u);
+        let b_f = m * GRAVITY * lambda * u.slope.cos() + u.force_z * (l + l_c) / l - u.force_x * h_b / l;
+        let b_r = weight - b_f;
+        let d = 1.0 + h / l * (mu_f - mu_r);
+        let mut a_s = (mu_f * b_f + mu_r * b_r - f * smooth_sign(v) * weight - u.force_x) / (m * d.max(d_min));
+        let mut load = [b_f - m * h / l * a_s, b_r + m * h / l * a_s];
+        let lift = load[0] < 0.0 || load[1] < 0.0;
+        if lift {
+            let all = weight.max(0.0);
+            load = if load[0] < 0.0 { [0.0, all] } else { [all, 0.0] };
+            a_s = (mu_f * load[0] + mu_r * load[1] - f * smooth_sign(v) * all - u.force_x) / m;
+        }
+        let rates = Motion::new(
+            a_s - GRAVITY * u.slope.sin(),
+            (u.torque[0] - u.brake[0] * smooth_sign(r_f * w_f) - r_f * mu_f * load[0]) / i_f,
+            (u.torque[1] - u.brake[1] * smooth_sign(r_r * w_r) - r_r * mu_r * load[1]) / i_r,
+        );
+        Point { rates, slip, load, specific_force: a_s, lift, transfer: d, guarded: d < d_min }
     }
 
-    /// The model with its analytic Jacobian.
-    pub fn linearise(&self, x: &Motion, p: &Unknowns, u: &Drive) -> (Point, Jacobian) {
+    /// [`rates`](Self::rates) with their analytic derivatives and those of the front load.
+    pub fn linearise(&self, x: &Motion, p: &Unknowns, u: &Drive) -> (Point, Jacobian, LoadDerivatives) {
         let driven = Driven::new(self, u);
         let wheels = Axles::new([x[1], x[2]]);
-        let at = driven.at((x[0], wheels), Axles::new(self.wheel_radius), p);
-        let motion = driven.motion_slopes(&at).map(vector);
-        let [k, h, lambda, front, rear] = driven.slopes(&at, wheels).map(vector);
+        let at = driven.at((x[0], wheels), Axles::new(self.loader.wheel_radius()), p);
+        let motion = driven.by_motion(&at).map(vector);
+        let [k, h, lambda, front, rear] = driven.by_unknowns_and_radii(&at, wheels).map(vector);
         let jacobian = Jacobian {
             motion: Matrix3::from_columns(&motion),
             unknowns: Matrix3::from_columns(&[k, h, lambda]),
             radii: Matrix3x2::from_columns(&[front, rear]),
         };
         let [k, h, lambda] = driven.by_unknowns(&at).map(|by| by.load);
-        let [v, w_f, w_r] = motion.map(|column| at.load_slope(column[0]));
+        let [v, w_f, w_r] = motion.map(|column| at.load_by(column[0]));
         let point = Point {
             rates: vector(at.rates),
             slip: at.slip.to_array(),
@@ -186,9 +272,8 @@ impl Loader {
             lift: at.lift,
             transfer: at.transfer,
             guarded: at.guarded,
-            load_slope: [v, w_f, w_r, k, h, lambda],
         };
-        (point, jacobian)
+        (point, jacobian, [v, w_f, w_r, k, h, lambda])
     }
 
     /// The motion after `dt` seconds: `substeps` steps of linearly implicit Euler,
@@ -197,7 +282,7 @@ impl Loader {
     /// Stable at any step although the wheels' poles lie near -1e4 1/s. A singular step, which no
     /// sensible machine has, leaves the motion where it is.
     pub fn advance(&self, x: &Motion, p: &Unknowns, u: &Drive, dt: f64, substeps: u32) -> Motion {
-        Driven::new(self, u).advance(self.wheel_radius, x, p, dt, substeps)
+        Driven::new(self, u).advance(self.loader.wheel_radius(), x, p, dt, substeps)
     }
 
     /// [`advance`](Self::advance) with its derivatives: `A` and `A hs J_p` per step with
@@ -210,7 +295,7 @@ impl Loader {
         dt: f64,
         substeps: u32,
     ) -> (Motion, Jacobian) {
-        let (x, f) = Driven::new(self, u).advance_linearised::<8>(self.wheel_radius, x, p, dt, substeps);
+        let (x, f) = Driven::new(self, u).advance_linearised::<8>(self.loader.wheel_radius(), x, p, dt, substeps);
         let jacobian = Jacobian {
             motion: f.fixed_columns::<3>(0).into(),
             unknowns: f.fixed_columns::<3>(3).into(),

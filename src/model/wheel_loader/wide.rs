@@ -1,6 +1,7 @@
-//! The model's arithmetic, both axles side by side, and its linearly implicit step.
+//! The model with both axles side by side in SIMD lanes, its derivatives and its linearly implicit step: what the
+//! filter's sigma points cost. The definition is [`WheelLoader::rates`]; the derivatives are chain rule over it.
 
-use super::{Drive, GRAVITY, Loader, Motion, Unknowns};
+use super::{Drive, GRAVITY, Motion, Unknowns, WheelLoader};
 use crate::model::lanes::tanh;
 use nalgebra::{SMatrix, Vector3};
 use wide::f64x2;
@@ -11,7 +12,7 @@ pub(super) type Axles = f64x2;
 /// A machine and what drives it: all that does not depend on its motion.
 #[derive(Clone, Debug)]
 pub struct Driven<'a> {
-    loader: &'a Loader,
+    model: &'a WheelLoader,
     torque: Axles,
     brake: Axles,
     braked: bool,
@@ -90,20 +91,20 @@ fn smooth_sign(x: f64, width: f64) -> (f64, f64) {
 }
 
 impl<'a> Driven<'a> {
-    /// `loader` under the drive `u`.
-    pub fn new(loader: &'a Loader, u: &Drive) -> Self {
-        let (sin, cos) = u.slope.sin_cos();
+    /// `model` under the drive `u`.
+    pub fn new(model: &'a WheelLoader, u: &Drive) -> Self {
+        let (loader, (sin, cos)) = (&model.loader, u.slope.sin_cos());
         let (m, per_length) = (loader.mass, 1.0 / loader.wheelbase);
         let across = m * GRAVITY * cos;
         Self {
-            loader,
+            model,
             torque: Axles::new(u.torque),
             brake: Axles::new(u.brake),
             braked: u.brake != [0.0; 2],
-            per_inertia: 1.0 / Axles::new(loader.axle_inertia),
+            per_inertia: 1.0 / Axles::new(loader.axle_inertia()),
             per_mass: 1.0 / m,
             per_length,
-            per_friction: 1.0 / loader.friction,
+            per_friction: model.tire.per_friction(),
             weight: across + u.force_z,
             across,
             along: GRAVITY * sin,
@@ -117,7 +118,7 @@ impl<'a> Driven<'a> {
     fn friction_demand(&self, x: Axles) -> (Axles, Axles) {
         if self.per_friction > 0.0 {
             let t = tanh(x * self.per_friction);
-            (t * self.loader.friction, 1.0 - t * t)
+            (t * self.model.tire.friction, 1.0 - t * t)
         } else {
             (x, Axles::ONE)
         }
@@ -127,11 +128,11 @@ impl<'a> Driven<'a> {
     #[inline(always)]
     pub(super) fn at(&self, (v, w): Column, r: Axles, p: &Unknowns) -> At {
         let (stiffness, h, lambda) = (p[0], p[1], p[2]);
-        let loader = self.loader;
+        let WheelLoader { loader, rolling: resistance, tire } = self.model;
 
         // sigma = s / M with M = max(|r w|, |v|, v_g); where M is not constant, its derivative enters.
         let (rolling, speed) = (r * w, Axles::splat(v));
-        let (wheel_size, speed_size, least) = (rolling.abs(), speed.abs(), Axles::splat(loader.slip_speed));
+        let (wheel_size, speed_size, least) = (rolling.abs(), speed.abs(), Axles::splat(tire.slip_speed));
         let by_wheel = wheel_size.simd_ge(speed_size) & wheel_size.simd_gt(least);
         let by_speed = speed_size.simd_gt(wheel_size.fast_max(least));
         let per_m = 1.0 / wheel_size.fast_max(speed_size).fast_max(least);
@@ -140,10 +141,10 @@ impl<'a> Driven<'a> {
         let slip_v = -per_m - (by_speed & (bend * speed));
         let slip_w = r * (per_m - (by_wheel & (bend * rolling)));
 
-        let (mu, slope) = self.friction_demand(slip * stiffness);
-        let steep = slope * stiffness;
-        let (mu_v, mu_w, mu_k) = (steep * slip_v, steep * slip_w, slope * slip);
-        let (sign, sign_v) = smooth_sign(v, loader.sign_speed);
+        let (mu, mu_x) = self.friction_demand(slip * stiffness);
+        let steep = mu_x * stiffness;
+        let (mu_v, mu_w, mu_k) = (steep * slip_v, steep * slip_w, mu_x * slip);
+        let (sign, sign_v) = smooth_sign(v, resistance.smoothing_speed);
 
         let base_f = self.across * lambda + self.spading;
         let base = Axles::new([base_f, self.weight - base_f]);
@@ -152,8 +153,8 @@ impl<'a> Driven<'a> {
         let transfer = 1.0 + h * self.per_length * difference;
         let guarded = transfer < loader.transfer_floor;
         let mut per = self.per_mass / if guarded { loader.transfer_floor } else { transfer };
-        let mut resistance = loader.rolling * self.weight;
-        let mut a_s = ((mu * base).reduce_add() - resistance * sign - self.force_x) * per;
+        let mut drag = resistance.coefficient * self.weight;
+        let mut a_s = ((mu * base).reduce_add() - drag * sign - self.force_x) * per;
         let mut lever = loader.mass * h * self.per_length;
         let mut load = base - opposite(lever * a_s);
         let [load_f, load_r] = load.to_array();
@@ -162,8 +163,8 @@ impl<'a> Driven<'a> {
         if lift {
             let all = self.weight.max(0.0);
             load = Axles::new(if load_f >= 0.0 { [all, 0.0] } else { [0.0, all] });
-            (per, lever, resistance) = (self.per_mass, 0.0, loader.rolling * all);
-            a_s = ((mu * load).reduce_add() - resistance * sign - self.force_x) * per;
+            (per, lever, drag) = (self.per_mass, 0.0, resistance.coefficient * all);
+            a_s = ((mu * load).reduce_add() - drag * sign - self.force_x) * per;
             effect = load * per;
         }
 
@@ -183,7 +184,7 @@ impl<'a> Driven<'a> {
             lift,
             per,
             specific_force: a_s,
-            a_v: (mu_v * effect).reduce_add() - resistance * sign_v * per,
+            a_v: (mu_v * effect).reduce_add() - drag * sign_v * per,
             a_w: mu_w * effect,
             effect,
             gear,
@@ -194,9 +195,9 @@ impl<'a> Driven<'a> {
 
     /// Brake torques against the wheels' rotation and how they change `w'` with `w`.
     fn braking(&self, r: Axles, w: Axles) -> (Axles, Axles) {
-        let [front, rear] = (r * w).to_array().map(|rolling| smooth_sign(rolling, self.loader.sign_speed));
-        let slope = Axles::new([front.1, rear.1]);
-        (self.brake * Axles::new([front.0, rear.0]), -self.brake * slope * r * self.per_inertia)
+        let [front, rear] = (r * w).to_array().map(|rolling| smooth_sign(rolling, self.model.rolling.smoothing_speed));
+        let by_speed = Axles::new([front.1, rear.1]);
+        (self.brake * Axles::new([front.0, rear.0]), -self.brake * by_speed * r * self.per_inertia)
     }
 
     /// Derivatives to `[K, h, lambda]`.
@@ -206,24 +207,27 @@ impl<'a> Driven<'a> {
         if !at.lift {
             ratio = self.across * at.difference * at.per;
             if !at.guarded {
-                height = -at.specific_force * at.difference * self.per_length * self.loader.mass * at.per;
+                height = -at.specific_force * at.difference * self.per_length * self.model.loader.mass * at.per;
             }
         }
-        let (by_height, by_ratio) =
-            if at.lift { (0.0, 0.0) } else { (self.loader.mass * self.per_length * at.specific_force, self.across) };
+        let (by_height, by_ratio) = if at.lift {
+            (0.0, 0.0)
+        } else {
+            (self.model.loader.mass * self.per_length * at.specific_force, self.across)
+        };
         [
-            ByUnknown { specific_force: stiffness, load: at.load_slope(stiffness) },
-            ByUnknown { specific_force: height, load: at.load_slope(height) - by_height },
-            ByUnknown { specific_force: ratio, load: at.load_slope(ratio) + by_ratio },
+            ByUnknown { specific_force: stiffness, load: at.load_by(stiffness) },
+            ByUnknown { specific_force: height, load: at.load_by(height) - by_height },
+            ByUnknown { specific_force: ratio, load: at.load_by(ratio) + by_ratio },
         ]
     }
 
     /// Whether an axle has lost contact.
     pub fn lifts(&self, x: &Motion, p: &Unknowns) -> bool {
-        self.at((x[0], Axles::new([x[1], x[2]])), Axles::new(self.loader.wheel_radius), p).lift
+        self.at((x[0], Axles::new([x[1], x[2]])), Axles::new(self.model.loader.wheel_radius()), p).lift
     }
 
-    /// [`Loader::advance`] with wheels of radius `radius`.
+    /// [`WheelLoader::advance`] with wheels of radius `radius`.
     pub fn advance(&self, radius: [f64; 2], x: &Motion, p: &Unknowns, dt: f64, substeps: u32) -> Motion {
         let (hs, r) = (dt / f64::from(substeps), Axles::new(radius));
         let mut x = (x[0], Axles::new([x[1], x[2]]));
@@ -237,7 +241,7 @@ impl<'a> Driven<'a> {
         vector(x)
     }
 
-    /// [`Loader::advance_linearised`] with wheels of radius `radius`: the derivatives to the first `N`
+    /// [`WheelLoader::advance_linearised`] with wheels of radius `radius`: the derivatives to the first `N`
     /// of `[v, w_f, w_r, K, h, lambda, ln r_f, ln r_r]`.
     pub fn advance_linearised<const N: usize>(
         &self,
@@ -254,10 +258,10 @@ impl<'a> Driven<'a> {
             let at = self.at(x, r, p);
             let implicit = Implicit::new(&at, hs);
             let Some(moved) = moved(x, implicit.solve((at.rates.0 * hs, at.rates.1 * hs))) else { continue };
-            let slopes = self.slopes(&at, x.1);
+            let derivatives = self.by_unknowns_and_radii(&at, x.1);
             for (k, column) in f.iter_mut().enumerate() {
-                if let Some(slope) = k.checked_sub(3).map(|k| slopes[k]) {
-                    *column = (column.0 + slope.0 * hs, column.1 + slope.1 * hs);
+                if let Some(rate) = k.checked_sub(3).map(|k| derivatives[k]) {
+                    *column = (column.0 + rate.0 * hs, column.1 + rate.1 * hs);
                 }
                 *column = implicit.solve(*column);
             }
@@ -267,7 +271,7 @@ impl<'a> Driven<'a> {
     }
 
     /// Derivatives of the rates to the motion.
-    pub(super) fn motion_slopes(&self, at: &At) -> [Column; 3] {
+    pub(super) fn by_motion(&self, at: &At) -> [Column; 3] {
         let through_load = at.gear * at.mu * opposite(at.lever);
         let own = at.gear * at.load * at.mu_w + at.braking;
         let [a_f, a_r] = at.a_w.to_array();
@@ -280,10 +284,10 @@ impl<'a> Driven<'a> {
     }
 
     /// Derivatives of the rates to `[K, h, lambda, ln r_f, ln r_r]` where the wheels turn at `w`.
-    pub(super) fn slopes(&self, at: &At, w: Axles) -> [Column; 5] {
+    pub(super) fn by_unknowns_and_radii(&self, at: &At, w: Axles) -> [Column; 5] {
         let [k, h, lambda] = self.by_unknowns(at).map(|by| (by.specific_force, at.gear * at.mu * opposite(by.load)));
         // The wheel speeds enter as r w only; r also is the lever of the tyre's force.
-        let ([_, f, r], [w_f, w_r]) = (self.motion_slopes(at), w.to_array());
+        let ([_, f, r], [w_f, w_r]) = (self.by_motion(at), w.to_array());
         let [force_f, force_r] = (at.gear * at.mu * at.load).to_array();
         [
             (k.0, k.1 + at.gear * at.mu_k * at.load),
@@ -296,9 +300,9 @@ impl<'a> Driven<'a> {
 }
 
 impl At {
-    /// Derivative of the front load to something that changes the specific force by `slope` per unit.
-    pub(super) fn load_slope(&self, slope: f64) -> f64 {
-        -self.lever * slope
+    /// Derivative of the front load to something by which the specific force has the derivative `a_s`.
+    pub(super) fn load_by(&self, a_s: f64) -> f64 {
+        -self.lever * a_s
     }
 }
 
@@ -354,4 +358,54 @@ fn unit(k: usize) -> Column {
 pub(super) fn vector((v, w): Column) -> Vector3<f64> {
     let [front, rear] = w.to_array();
     Vector3::new(v, front, rear)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::wheel_loader::{Point, Tire};
+
+    /// To 1e-13 of the weight and of what it accelerates, driving, braking and reversing, until axles lift.
+    #[test]
+    fn both_axles_side_by_side_have_the_rates_of_the_definition() {
+        let (mut lifted, mut guarded) = (0, 0);
+        for friction in [0.75, 1e6] {
+            let machine = WheelLoader { tire: Tire { friction, ..Tire::default() }, ..WheelLoader::default() };
+            let weight = machine.loader.mass * GRAVITY;
+            for k in 0..4000 {
+                let wave = |rate: f64| (rate * f64::from(k)).sin();
+                let u = Drive {
+                    torque: [5000.0 * wave(0.37), 4000.0 * wave(0.41)],
+                    brake: [900.0 * wave(0.2).max(0.0), 700.0 * wave(0.3).max(0.0)],
+                    slope: 0.3 * wave(0.53),
+                    force_x: 2e4 * wave(0.59).powi(5),
+                    force_z: 2e4 * wave(0.61).powi(5),
+                };
+                let v = 4.0 * wave(0.11);
+                let x = Motion::new(v, v / 0.55 * (1.0 + 0.3 * wave(0.7)), v / 0.55 * (1.0 + 0.3 * wave(0.8)));
+                let p = Unknowns::new(20.0 + 15.0 * wave(0.13), 1.4 + wave(0.17), 0.5 + 0.35 * wave(0.19));
+                let Point { rates, slip, load, specific_force, lift, guarded: guard, .. } = machine.rates(&x, &p, &u);
+                let (wide, ..) = machine.linearise(&x, &p, &u);
+                assert_eq!((lift, guard), (wide.lift, wide.guarded), "{k}");
+                // The linear tyre's demand may be a multiple of the load.
+                let size = weight * slip.iter().fold(1.0, |size: f64, slip| size.max(p[0] * slip.abs()));
+                for i in 0..2 {
+                    assert!((wide.slip[i] - slip[i]).abs() <= 1e-15, "{k}");
+                    assert!((wide.load[i] - load[i]).abs() <= 1e-13 * size, "{k}: {} {}", wide.load[i], load[i]);
+                }
+                assert!((wide.specific_force - specific_force).abs() <= 1e-13 * size / machine.loader.mass, "{k}");
+                let scale = [size / machine.loader.mass, size / 36.0, size / 36.0];
+                for i in 0..3 {
+                    assert!(
+                        (wide.rates[i] - rates[i]).abs() <= 1e-13 * scale[i],
+                        "{k}: {} {}",
+                        wide.rates[i],
+                        rates[i]
+                    );
+                }
+                (lifted, guarded) = (lifted + usize::from(lift), guarded + usize::from(guard));
+            }
+        }
+        assert!(lifted > 100 && guarded > 100, "{lifted} {guarded}");
+    }
 }
