@@ -49,7 +49,7 @@ bits! {
     SLIP = 11, "slip";
     /// A wheel carries no load.
     LIFT_OFF = 12, "lift-off";
-    /// An input that cannot be missing was, and its last value was used.
+    /// An input that cannot be missing was, and its last valid value was used.
     HELD_INPUT = 13, "held-input";
     /// Nothing at all was measured; the outputs are the prior through the model.
     NO_MEASUREMENT = 14, "no-measurement";
@@ -57,6 +57,8 @@ bits! {
     SKIPPED = 15, "skipped";
     /// The measurements of the last seconds contradict the parameters; standard deviations mean nothing.
     CONTRADICTED = 16, "contradicted";
+    /// A force, moment, torque or other input that cannot be missing was never set; it is taken as zero or left out.
+    NEVER_SET = 17, "never-set";
 }
 
 impl Status {
@@ -71,6 +73,11 @@ impl Status {
     /// Whether all conditions of `other` hold.
     pub const fn contains(self, other: Self) -> bool {
         self.0 & other.0 == other.0
+    }
+
+    /// Whether any condition of `other` holds.
+    pub const fn intersects(self, other: Self) -> bool {
+        self.0 & other.0 != 0
     }
 
     /// Adds the conditions of `other` if `condition` is true.

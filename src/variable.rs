@@ -40,6 +40,8 @@
 //! assert_eq!(error.to_string(), "machine.mass = -1 kg is outside the allowed range 1..=100000 kg");
 //! ```
 
+use serde::{Deserialize, Serialize};
+
 /// What a value may be. Every value travels as an `f64` between the estimators and the outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -51,6 +53,8 @@ pub enum Kind {
     Boolean,
     /// One of the named choices; the value is the index in this list, from 0.
     Choice(&'static [&'static str]),
+    /// A whole number that stands for a condition: number, word and meaning of each.
+    Code(&'static [(i32, &'static str, &'static str)]),
 }
 
 /// The declaration of one variable.
@@ -72,6 +76,12 @@ pub struct Variable {
     pub tunable: bool,
     /// A measured input, for which NaN says "no sample at this instant".
     pub measured: bool,
+    /// An input whose last valid value holds while it has none: a command, or what changes slowly.
+    pub held: bool,
+    /// A parameter that says how much the process noise drives a state.
+    pub process_noise: bool,
+    /// A parameter that says how noisy a sensor is.
+    pub measurement_noise: bool,
 }
 
 /// A parameter that was refused, with the reason.
@@ -93,6 +103,29 @@ fn spaced(unit: &str) -> String {
 }
 
 impl Variable {
+    /// A variable without flags that starts at 0. The description of a [`Kind::Code`] lists its codes.
+    pub fn new(name: String, description: &str, unit: &'static str, kind: Kind, range: (f64, f64)) -> Self {
+        let mut description = description.to_owned();
+        if let Kind::Code(codes) = kind {
+            for (number, word, meaning) in codes {
+                description.push_str(&format!(" {number} = {word}: {}", meaning.trim()));
+            }
+        }
+        Self {
+            name,
+            description,
+            unit,
+            kind,
+            start: 0.0,
+            range,
+            tunable: false,
+            measured: false,
+            held: false,
+            process_noise: false,
+            measurement_noise: false,
+        }
+    }
+
     /// Whether `value` is finite, of this kind and in range.
     pub fn check(&self, value: f64) -> Result<(), ParameterError> {
         let (low, high) = self.range;
@@ -108,6 +141,11 @@ impl Variable {
             format!("is outside the allowed range {low}..={high}{}", spaced(self.unit))
         };
         Err(self.refuse(value, reason))
+    }
+
+    /// An input that need not have a value at every instant: NaN says so.
+    pub fn may_be_missing(&self) -> bool {
+        self.measured || self.held
     }
 
     /// An error about this variable.
@@ -128,6 +166,8 @@ pub trait Variables: Clone + Send + Sync {
     fn write(&self, flat: &mut [f64]);
     /// Takes the values in the order of the declarations.
     fn read(&mut self, flat: &[f64]);
+    /// Replaces every value by what `f` makes of it, in the order of the declarations.
+    fn map(&mut self, f: &mut impl FnMut(f64) -> f64);
 
     /// The declarations.
     fn declare() -> Vec<Variable> {
@@ -166,6 +206,24 @@ pub trait Variables: Clone + Send + Sync {
     }
 }
 
+/// What can stand in a declaration with a start value: one number, or an [`Estimate`] of two.
+pub trait Field: Copy {
+    /// Number of variables.
+    const COUNT: usize;
+    /// Appends the declarations; `variable` has name, description, unit, range and flags already.
+    fn declare_into(self, variable: Variable, list: &mut Vec<Variable>);
+    /// What the value may be.
+    const KIND: Kind;
+    /// Range of the type itself.
+    const RANGE: (f64, f64);
+    /// Writes the numbers.
+    fn write(self, flat: &mut [f64]);
+    /// From the numbers.
+    fn read(flat: &[f64]) -> Self;
+    /// Replaces every number by what `f` makes of it.
+    fn map(self, f: &mut impl FnMut(f64) -> f64) -> Self;
+}
+
 /// A single value that can stand in a declaration.
 pub trait Value: Copy {
     /// What the value may be.
@@ -176,6 +234,69 @@ pub trait Value: Copy {
     fn to_number(self) -> f64;
     /// From a number, rounded into the type.
     fn from_number(number: f64) -> Self;
+}
+
+impl<V: Value> Field for V {
+    const COUNT: usize = 1;
+    const KIND: Kind = <V as Value>::KIND;
+    const RANGE: (f64, f64) = <V as Value>::RANGE;
+    fn declare_into(self, variable: Variable, list: &mut Vec<Variable>) {
+        list.push(Variable { start: self.to_number(), ..variable });
+    }
+    fn write(self, flat: &mut [f64]) {
+        flat[0] = self.to_number();
+    }
+    fn read(flat: &[f64]) -> Self {
+        Self::from_number(flat[0])
+    }
+    fn map(self, f: &mut impl FnMut(f64) -> f64) -> Self {
+        Self::from_number(f(self.to_number()))
+    }
+}
+
+/// An estimated quantity with its standard deviation: `speed: Estimate = Estimate::NONE, "m/s"` declares the
+/// variables `speed` and `speed_std`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    /// The estimate, in the declared unit.
+    pub value: f64,
+    /// Its standard deviation, in the same unit.
+    pub std: f64,
+}
+
+impl Estimate {
+    /// Nothing is estimated: 0 with standard deviation 0.
+    pub const NONE: Self = Self { value: 0.0, std: 0.0 };
+
+    /// A value with its standard deviation.
+    pub const fn new(value: f64, std: f64) -> Self {
+        Self { value, std }
+    }
+}
+
+impl Field for Estimate {
+    const COUNT: usize = 2;
+    const KIND: Kind = Kind::Real;
+    const RANGE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
+    fn declare_into(self, variable: Variable, list: &mut Vec<Variable>) {
+        let std = Variable {
+            name: format!("{}_std", variable.name),
+            description: format!("Standard deviation of {}.", variable.name),
+            start: self.std,
+            range: (0.0, f64::INFINITY),
+            ..variable.clone()
+        };
+        list.extend([Variable { start: self.value, ..variable }, std]);
+    }
+    fn write(self, flat: &mut [f64]) {
+        flat.copy_from_slice(&[self.value, self.std]);
+    }
+    fn read(flat: &[f64]) -> Self {
+        Self { value: flat[0], std: flat[1] }
+    }
+    fn map(self, f: &mut impl FnMut(f64) -> f64) -> Self {
+        Self { value: f(self.value), std: f(self.std) }
+    }
 }
 
 impl Value for f64 {
@@ -237,15 +358,57 @@ macro_rules! choice {
     };
 }
 
+/// Declares a condition as a number with a word and a meaning: `pub enum Mode { /// Meaning. Idle = 0, "idle" }`.
+/// Outside it is a whole number, since some hosts know no enumerations; the description lists the codes.
+/// The first one is the default.
+#[macro_export]
+macro_rules! code {
+    ($(#[$meta:meta])* $vis:vis enum $name:ident {
+        $($(#[doc = $doc:literal])+ $item:ident = $number:literal, $word:literal;)+
+    }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, ::serde::Serialize, ::serde::Deserialize)]
+        $vis enum $name { $($(#[doc = $doc])+ $item = $number),+ }
+
+        impl $name {
+            const ALL: &'static [Self] = &[$(Self::$item),+];
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self::ALL[0]
+            }
+        }
+
+        impl $crate::variable::Value for $name {
+            const KIND: $crate::variable::Kind =
+                $crate::variable::Kind::Code(&[$(($number, $word, concat!($($doc),+))),+]);
+            const RANGE: (f64, f64) = {
+                let (mut low, mut high) = (i32::MAX, i32::MIN);
+                $(if $number < low { low = $number; })+
+                $(if $number > high { high = $number; })+
+                (low as f64, high as f64)
+            };
+            fn to_number(self) -> f64 {
+                f64::from(self as i32)
+            }
+            fn from_number(number: f64) -> Self {
+                Self::ALL.iter().copied().find(|item| f64::from(*item as i32) == number).unwrap_or_default()
+            }
+        }
+    };
+}
+
 /// Declares a struct of variables and groups; the module's page has an example.
 ///
 /// A variable is `name: type = start, "unit", [low, high], flags;` below its description, in which
-/// the range may be left out and the flags are `tunable` (a parameter that may change while running)
-/// and `measured` (an input for which NaN says "no sample"). A group is `name: Type;`.
+/// the range may be left out and the flags are those of [`Variable`](crate::Variable): `tunable`, `measured`, `held`,
+/// `process_noise`, `measurement_noise`. A group is `name: Type;`, and `@flat name: Type;` if its variables keep
+/// their names outside.
 #[macro_export]
 macro_rules! variables {
     ($(#[$meta:meta])* $vis:vis struct $name:ident {
-        $($(#[doc = $doc:literal])+ $field:ident : $type:ty
+        $($(#[doc = $doc:literal])+ $(@ $flat:ident)? $field:ident : $type:ty
             $(= $start:expr, $unit:literal $(, [$low:expr, $high:expr])? $(, $flag:ident)*)? ;)+
     }) => {
         $(#[$meta])*
@@ -262,7 +425,7 @@ macro_rules! variables {
             const COUNT: usize = 0 $(+ $crate::variables!(@count $type $(, $unit)?))+;
 
             fn declare_into(prefix: &str, list: &mut Vec<$crate::variable::Variable>) {
-                $($crate::variables!(@declare prefix, list, $field, $type, concat!($($doc),+)
+                $($crate::variables!(@declare prefix, list, [$($flat)?] $field, $type, concat!($($doc),+)
                     $(, $start, $unit, [$($low, $high)?], [$($flag)*])?);)+
             }
 
@@ -277,6 +440,10 @@ macro_rules! variables {
                 $($crate::variables!(@read rest, self.$field, $type $(, $unit)?);)+
                 debug_assert!(rest.is_empty());
             }
+
+            fn map(&mut self, f: &mut impl FnMut(f64) -> f64) {
+                $($crate::variables!(@map f, self.$field, $type $(, $unit)?);)+
+            }
         }
     };
 
@@ -284,28 +451,29 @@ macro_rules! variables {
     (@default $type:ty) => { <$type>::default() };
     (@default $type:ty, $start:expr) => { $start };
     (@count $type:ty) => { <$type as $crate::variable::Variables>::COUNT };
-    (@count $type:ty, $unit:literal) => { 1 };
+    (@count $type:ty, $unit:literal) => { <$type as $crate::variable::Field>::COUNT };
 
-    (@declare $prefix:ident, $list:ident, $field:ident, $type:ty, $doc:expr) => {
+    (@declare $prefix:ident, $list:ident, [flat] $field:ident, $type:ty, $doc:expr) => {
+        <$type as $crate::variable::Variables>::declare_into($prefix, $list);
+    };
+    (@declare $prefix:ident, $list:ident, [] $field:ident, $type:ty, $doc:expr) => {
         let prefix = format!("{}{}.", $prefix, stringify!($field).trim_start_matches("r#"));
         <$type as $crate::variable::Variables>::declare_into(&prefix, $list);
     };
-    (@declare $prefix:ident, $list:ident, $field:ident, $type:ty, $doc:expr,
+    (@declare $prefix:ident, $list:ident, [] $field:ident, $type:ty, $doc:expr,
         $start:expr, $unit:literal, [$($low:expr, $high:expr)?], [$($flag:ident)*]) => {
         #[allow(unused_mut)]
-        let mut variable = $crate::variable::Variable {
-            name: format!("{}{}", $prefix, stringify!($field).trim_start_matches("r#")),
-            description: $doc.trim().to_owned(),
-            unit: $unit,
-            kind: <$type as $crate::variable::Value>::KIND,
-            start: <$type as $crate::variable::Value>::to_number($start),
-            range: <$type as $crate::variable::Value>::RANGE,
-            tunable: false,
-            measured: false,
-        };
+        let mut variable = $crate::variable::Variable::new(
+            format!("{}{}", $prefix, stringify!($field).trim_start_matches("r#")),
+            $doc.trim(),
+            $unit,
+            <$type as $crate::variable::Field>::KIND,
+            <$type as $crate::variable::Field>::RANGE,
+        );
         $(variable.range = ($low as f64, $high as f64);)?
         $(variable.$flag = true;)*
-        $list.push(variable);
+        let start: $type = $start;
+        $crate::variable::Field::declare_into(start, variable, $list);
     };
 
     (@write $rest:ident, $value:expr, $type:ty) => {
@@ -314,8 +482,8 @@ macro_rules! variables {
         $rest = tail;
     };
     (@write $rest:ident, $value:expr, $type:ty, $unit:literal) => {
-        let (head, tail) = $rest.split_at_mut(1);
-        head[0] = <$type as $crate::variable::Value>::to_number($value);
+        let (head, tail) = $rest.split_at_mut(<$type as $crate::variable::Field>::COUNT);
+        $crate::variable::Field::write($value, head);
         $rest = tail;
     };
     (@read $rest:ident, $value:expr, $type:ty) => {
@@ -324,8 +492,14 @@ macro_rules! variables {
         $rest = tail;
     };
     (@read $rest:ident, $value:expr, $type:ty, $unit:literal) => {
-        let (head, tail) = $rest.split_at(1);
-        $value = <$type as $crate::variable::Value>::from_number(head[0]);
+        let (head, tail) = $rest.split_at(<$type as $crate::variable::Field>::COUNT);
+        $value = <$type as $crate::variable::Field>::read(head);
         $rest = tail;
+    };
+    (@map $f:ident, $value:expr, $type:ty) => {
+        <$type as $crate::variable::Variables>::map(&mut $value, $f);
+    };
+    (@map $f:ident, $value:expr, $type:ty, $unit:literal) => {
+        $value = $crate::variable::Field::map($value, $f);
     };
 }

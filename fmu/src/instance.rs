@@ -248,7 +248,7 @@ impl Instance {
         let variable = &self.model.inputs[index];
         match Type::of(variable.kind) {
             kind if kind != class => Err(wrong_type(&variable.name, kind, class)),
-            Type::Real if variable.measured || value.is_finite() => Ok(()),
+            Type::Real if variable.may_be_missing() || value.is_finite() => Ok(()),
             Type::Real => Err(Refusal::error(format!(
                 "{} = {value} is not finite, and this input cannot be missing; give a number in {}",
                 variable.name, variable.unit

@@ -53,7 +53,7 @@ impl Type {
     pub fn of(kind: Kind) -> Self {
         match kind {
             Kind::Real => Self::Real,
-            Kind::Integer | Kind::Choice(_) => Self::Integer,
+            Kind::Integer | Kind::Choice(_) | Kind::Code(_) => Self::Integer,
             Kind::Boolean => Self::Boolean,
         }
     }

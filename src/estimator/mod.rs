@@ -4,11 +4,15 @@
 //! is one plain [`State`](Estimator::State), so that a host can copy, compare, store and restore it;
 //! restoring a state and repeating the inputs repeats the bytes.
 
+mod finite;
 pub mod human_dynamics;
 pub mod nursing_robot;
+pub mod sampled;
 pub mod wheel_loader;
 pub mod wheelchair;
 pub mod wheeled_robot;
+
+pub use sampled::{Diagnostics, Elapsed, Machine, Outcome, Rules, Sampled};
 
 use crate::{ParameterError, Status, Variables};
 use serde::{Serialize, de::DeserializeOwned};
@@ -23,7 +27,7 @@ pub trait Estimator: Clone + Send {
     type Parameters: Variables + Default;
     /// What is measured.
     type Inputs: Variables + Default;
-    /// What is estimated. Has `status`, `healthy` and, for every estimate `x`, `x_std`.
+    /// What is estimated, for every estimate `x` also `x_std`, with the [`Diagnostics`].
     type Outputs: Variables + Default;
     /// Everything that a step changes.
     type State: Clone + Send + Serialize + DeserializeOwned;
@@ -38,13 +42,13 @@ pub trait Estimator: Clone + Send {
     /// update. The first sample after construction has no time update and `dt` is only nominal.
     ///
     /// NaN in a measured input is a missing sample; an unusable `dt` changes nothing and says so in
-    /// the status. Never panics, never allocates.
+    /// the status that is returned. Never panics, never allocates.
     fn step(&mut self, inputs: &Self::Inputs, dt: f64) -> Status;
 
-    /// The estimates `ahead >= 0` seconds after the last sample: its posterior, the mean carried
+    /// The estimates `horizon >= 0` seconds after the last sample: its posterior, the mean carried
     /// forward by the model with these inputs held; what has no dynamics is simply held. Before
     /// the first sample: the initial state.
-    fn outputs(&self, inputs: &Self::Inputs, ahead: f64, outputs: &mut Self::Outputs);
+    fn outputs(&self, inputs: &Self::Inputs, horizon: f64, outputs: &mut Self::Outputs);
 
     /// Everything that the steps so far have changed.
     fn state(&self) -> &Self::State;

@@ -4,7 +4,8 @@
 //! its transition matrix, or the innovation with its Jacobian. Joseph's form keeps the covariance
 //! symmetric and positive definite under rounding.
 
-use super::belief::Belief;
+use super::gaussian::Gaussian;
+use super::innovation::{Gate, Innovation, Verdict};
 use nalgebra::{SMatrix, SVector};
 
 /// `M` linearised measurement rows for a state of `N` numbers.
@@ -20,34 +21,6 @@ pub struct Rows<const N: usize, const M: usize> {
     pub used: [bool; M],
 }
 
-/// Rejects single rows whose innovation is implausible.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Gate {
-    /// Rejected is what exceeds this many standard deviations; 0 or less rejects nothing.
-    pub deviations: f64,
-    /// After so many rejections in a row one sample is let through, so that a filter that has gone
-    /// astray can find back.
-    pub patience: u32,
-}
-
-/// What an update tells about its rows; nothing of it is thrown away.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Innovation<const M: usize> {
-    /// Measured minus predicted, 0 in rows that were not used.
-    pub residual: SVector<f64, M>,
-    /// Rows that were used.
-    pub used: [bool; M],
-    /// Rows that the gate rejected.
-    pub rejected: [bool; M],
-    /// Normalised innovation squared over the used rows, chi-squared with [`dof`](Self::dof) degrees
-    /// of freedom if filter and plant agree; NaN if no row was used.
-    pub nis: f64,
-    /// Number of used rows.
-    pub dof: usize,
-    /// Determinant of the covariance of the used rows' innovation; 1 if no row was used.
-    pub determinant: f64,
-}
-
 /// A covariance that is not positive definite; the belief was left as it was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the innovation covariance is not positive definite")]
@@ -57,7 +30,7 @@ pub struct NotPositiveDefinite;
 ///
 /// Only the first `K` states move: `transition` is the first `K` rows of `Phi`, the rest is the identity's.
 pub fn predict<const N: usize, const K: usize>(
-    belief: &mut Belief<N>,
+    belief: &mut Gaussian<N>,
     mean: SVector<f64, N>,
     transition: &SMatrix<f64, K, N>,
 ) {
@@ -81,31 +54,38 @@ pub fn predict<const N: usize, const K: usize>(
 /// The rows are made independent of each other and then taken one by one, which equals taking them
 /// together and needs no solution of equations. `gate` comes with one counter of rejections in a row per
 /// measurement row; it judges every row by the belief before the update.
-pub fn update<const N: usize, const M: usize>(
-    belief: &mut Belief<N>,
+pub fn correct<const N: usize, const M: usize>(
+    belief: &mut Gaussian<N>,
     rows: &Rows<N, M>,
     gate: Option<(Gate, &mut [u32; M])>,
 ) -> Result<Innovation<M>, NotPositiveDefinite> {
-    let mut rejected = [false; M];
+    let mut outcome = Innovation::none();
+    let mut determinant = 1.0;
+    let mut used = rows.used;
     if let Some((gate, counters)) = gate.filter(|(gate, _)| gate.deviations > 0.0) {
         for row in (0..M).filter(|&row| rows.used[row]) {
             let h = rows.jacobian.row(row);
             let variance = (h * belief.covariance).dot(&h) + rows.noise[(row, row)];
-            rejected[row] = gate.rejects(rows.innovation[row], variance, &mut counters[row]);
+            let square = rows.innovation[row] * rows.innovation[row] / variance;
+            if gate.judge(square, &mut counters[row]) == Verdict::Rejected {
+                (used[row], outcome.rejected[row]) = (false, true);
+                outcome.residual[row] = rows.innovation[row];
+                outcome.count(row, rows.innovation[row] / variance.sqrt(), variance, &mut determinant);
+            }
         }
     }
-    let used: [bool; M] = std::array::from_fn(|row| rows.used[row] && !rejected[row]);
-    let residual = SVector::from_fn(|row, _| if used[row] { rows.innovation[row] } else { 0.0 });
-    let mut told = Innovation { residual, used, rejected, nis: f64::NAN, dof: 0, determinant: 1.0 };
+    outcome.used = used;
     if !used.contains(&true) {
-        return Ok(told);
+        return Ok(outcome.with_determinant(determinant));
     }
-    told.nis = 0.0;
+    for row in (0..M).filter(|&row| used[row]) {
+        outcome.residual[row] = rows.innovation[row];
+    }
     let rows = Independent::of(rows, &used);
     let mut p = belief.covariance;
     let mut change = [0.0; N];
     for row in 0..M {
-        if !told.used[row] {
+        if !outcome.used[row] {
             continue;
         }
         let (h, noise) = (&rows.jacobian[row], rows.noise[row]);
@@ -127,9 +107,7 @@ pub fn update<const N: usize, const M: usize>(
         for (column, gain) in p.data.0.iter_mut().zip(gain) {
             add_scaled(column, &rest, gain);
         }
-        told.nis += innovation * innovation / variance;
-        told.determinant *= variance;
-        told.dof += 1;
+        outcome.count(row, innovation / variance.sqrt(), variance, &mut determinant);
     }
     for j in 0..N {
         for i in 0..j {
@@ -142,8 +120,8 @@ pub fn update<const N: usize, const M: usize>(
     if !sum.sum().is_finite() {
         return Err(NotPositiveDefinite);
     }
-    *belief = Belief { mean, covariance: p };
-    Ok(told)
+    *belief = Gaussian { mean, covariance: p };
+    Ok(outcome.with_determinant(determinant))
 }
 
 /// Measurement rows whose noises are independent of each other.
@@ -174,25 +152,6 @@ impl<const N: usize, const M: usize> Independent<N, M> {
             }
         }
         Self { innovation, jacobian, noise: std::array::from_fn(|row| noise[(row, row)]) }
-    }
-}
-
-impl<const M: usize> Innovation<M> {
-    /// Logarithm of the likelihood of the used rows; 0 if there is none.
-    pub fn log_likelihood(&self) -> f64 {
-        if self.dof == 0 {
-            return 0.0;
-        }
-        -0.5 * (self.nis + self.determinant.ln() + self.dof as f64 * std::f64::consts::TAU.ln())
-    }
-}
-
-impl Gate {
-    fn rejects(&self, innovation: f64, variance: f64, in_a_row: &mut u32) -> bool {
-        let beyond = innovation.abs() > self.deviations * variance.max(0.0).sqrt();
-        let reject = beyond && *in_a_row < self.patience;
-        *in_a_row = if reject { *in_a_row + 1 } else { 0 };
-        reject
     }
 }
 

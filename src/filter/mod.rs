@@ -2,12 +2,13 @@
 
 pub mod adaptation;
 mod array;
-pub mod belief;
-pub mod consistency;
 pub mod critically_damped;
 pub mod discretise;
 pub mod ekf;
+pub mod gaussian;
+pub mod innovation;
 pub mod map;
+pub mod nis_monitor;
 pub mod rls;
 pub mod savitzky_golay;
 pub mod sigma_points;

@@ -21,137 +21,97 @@
 //! measurement's spread; drawn anew the filter equals an unscented one with `alpha = 1, beta = 0,
 //! kappa = 0`. Step 11 holds for any gain `W`. A measurement that is not finite is left out.
 
+use super::gaussian::FactoredGaussian;
+use super::innovation::{Gate, Innovation, Verdict};
 use super::square_root::{absorb, forward, product, tria};
 use nalgebra::{SMatrix, SVector};
 
-/// Mean and factor of the covariance.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SrCkf<const N: usize> {
-    /// State `x`.
-    pub state: SVector<f64, N>,
-    /// Lower triangular `S` with `P = S Sᵀ`.
-    pub factor: SMatrix<f64, N, N>,
+/// Time update (steps 2 to 4) with the standard deviations of the process noise over this step.
+///
+/// `f` takes all `P = 2N` points at once, which a processor may evaluate side by side.
+pub fn predict<const N: usize, const P: usize>(
+    belief: &mut FactoredGaussian<N>,
+    std: &SVector<f64, N>,
+    f: impl Fn(&[SVector<f64, N>; P]) -> [SVector<f64, N>; P],
+) {
+    let moved = f(&points(belief));
+    belief.mean = mean(&moved);
+    belief.factor = SMatrix::from_diagonal(&std.abs());
+    absorb(&mut belief.factor, centred(&moved, &belief.mean));
 }
 
-/// What a measurement update says about the measurement. Rows of channels that were left out have
-/// innovation 0, and 1 on the diagonal of the factor.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Innovation<const M: usize> {
-    /// `z - z_hat`.
-    pub residual: SVector<f64, M>,
-    /// Lower triangular `S_zz`.
-    pub factor: SMatrix<f64, M, M>,
-    /// Which channels were there.
-    pub used: [bool; M],
-    /// Number of channels that were there.
-    pub channels: usize,
-    /// Normalised innovation squared, chi-squared with `channels` degrees of freedom; NaN without channels.
-    pub nis: f64,
-    /// Logarithm of the likelihood, 0 without channels.
-    pub log_likelihood: f64,
-    /// The measurement was rejected by the gate and the prediction stayed.
-    pub gated: bool,
+/// Measurement update (steps 5 to 11) with `z`, its standard deviations and `h`, which takes all points
+/// at once.
+///
+/// Channels of `z` that are not finite are left out. The gate judges the normalised innovation squared per channel
+/// and rejects all channels together; `in_a_row` counts its rejections. The states marked in `considered` keep their
+/// values: their uncertainty counts, and no measurement moves them. For states that the measurements do not
+/// determine and would only disturb.
+pub fn correct<const N: usize, const M: usize, const P: usize>(
+    belief: &mut FactoredGaussian<N>,
+    z: &SVector<f64, M>,
+    std: &SVector<f64, M>,
+    (gate, in_a_row): (Gate, &mut u32),
+    considered: [bool; N],
+    h: impl Fn(&[SVector<f64, N>; P]) -> [SVector<f64, M>; P],
+) -> Innovation<M> {
+    let available: [bool; M] = std::array::from_fn(|j| z[j].is_finite());
+    let mut out = Innovation::none();
+    if !available.contains(&true) {
+        return out;
+    }
+    let seen = h(&points(belief));
+    let expected = mean(&seen);
+    let mut spread = centred(&seen, &expected);
+    // A channel without a sample becomes one that measures nothing, with unit noise: independent
+    // of all others, without gain and without a share in the likelihood.
+    let mut noise = SMatrix::<f64, M, M>::identity();
+    for j in 0..M {
+        if available[j] {
+            noise[(j, j)] = std[j];
+            out.residual[j] = z[j] - expected[j];
+        } else {
+            spread.row_mut(j).fill(0.0);
+        }
+    }
+    let mut factor = noise;
+    absorb(&mut factor, spread);
+
+    let white = forward(&factor, &out.residual);
+    let mut determinant = 1.0;
+    for j in (0..M).filter(|&j| available[j]) {
+        out.count(j, white[j], factor[(j, j)] * factor[(j, j)], &mut determinant);
+    }
+    let mut out = out.with_determinant(determinant);
+    if gate.judge(out.nis_per_row(), in_a_row) == Verdict::Rejected {
+        out.rejected = available;
+        return out;
+    }
+    out.used = available;
+
+    // The centred points are ± S e_i sqrt(N/2N), so P_xz = S (Zc+ - Zc-)ᵀ / sqrt(2)
+    let half = belief.factor * std::f64::consts::FRAC_1_SQRT_2;
+    let opposite = SMatrix::<f64, M, N>::from_fn(|j, i| spread[(j, i)] - spread[(j, N + i)]);
+    let mut gain = divide(&product(&half, &opposite.transpose()), &factor);
+    (0..N).filter(|i| considered[*i]).for_each(|i| gain.row_mut(i).fill(0.0));
+    belief.mean += gain * out.residual;
+    let mut rest = -product(&gain, &spread);
+    for i in 0..N {
+        for row in 0..N {
+            rest[(row, i)] += half[(row, i)];
+            rest[(row, N + i)] -= half[(row, i)];
+        }
+    }
+    belief.factor = tria(rest);
+    absorb(&mut belief.factor, product(&gain, &noise));
+    out
 }
 
-impl<const N: usize> SrCkf<N> {
-    /// Starts at `state` with independent standard deviations (step 1).
-    pub fn new(state: SVector<f64, N>, std: SVector<f64, N>) -> Self {
-        Self { state, factor: SMatrix::from_diagonal(&std) }
-    }
-
-    /// Time update (steps 2 to 4) with the standard deviations of the process noise over this step.
-    ///
-    /// `f` takes all `P = 2N` points at once, which a processor may evaluate side by side.
-    pub fn predict<const P: usize>(
-        &mut self,
-        std: &SVector<f64, N>,
-        f: impl Fn(&[SVector<f64, N>; P]) -> [SVector<f64, N>; P],
-    ) {
-        let moved = f(&self.points());
-        self.state = mean(&moved);
-        self.factor = SMatrix::from_diagonal(&std.abs());
-        absorb(&mut self.factor, centred(&moved, &self.state));
-    }
-
-    /// Measurement update (steps 5 to 11) with `z`, its standard deviations and `h`, which takes all points
-    /// at once.
-    ///
-    /// Channels of `z` that are not finite are left out. The whole measurement is rejected if its NIS
-    /// exceeds `gate` times the number of channels. The states marked in `considered` keep their values:
-    /// their uncertainty counts, and no measurement moves them. For states that the measurements do not
-    /// determine and would only disturb.
-    pub fn update<const M: usize, const P: usize>(
-        &mut self,
-        z: &SVector<f64, M>,
-        std: &SVector<f64, M>,
-        gate: f64,
-        considered: [bool; N],
-        h: impl Fn(&[SVector<f64, N>; P]) -> [SVector<f64, M>; P],
-    ) -> Innovation<M> {
-        let used: [bool; M] = std::array::from_fn(|j| z[j].is_finite());
-        let channels = used.iter().filter(|used| **used).count();
-        let mut out = Innovation {
-            residual: SVector::zeros(),
-            factor: SMatrix::identity(),
-            used,
-            channels,
-            nis: f64::NAN,
-            log_likelihood: 0.0,
-            gated: false,
-        };
-        if channels == 0 {
-            return out;
-        }
-        let seen = h(&self.points());
-        let expected = mean(&seen);
-        let mut spread = centred(&seen, &expected);
-        // A channel without a sample becomes one that measures nothing, with unit noise: independent
-        // of all others, without gain and without a share in the likelihood.
-        let mut noise = SMatrix::<f64, M, M>::identity();
-        for j in 0..M {
-            if used[j] {
-                noise[(j, j)] = std[j];
-                out.residual[j] = z[j] - expected[j];
-            } else {
-                spread.row_mut(j).fill(0.0);
-            }
-        }
-        out.factor = noise;
-        absorb(&mut out.factor, spread);
-
-        let white = forward(&out.factor, &out.residual);
-        let log_determinant: f64 = (0..M).map(|j| out.factor[(j, j)].ln()).sum();
-        out.nis = white.norm_squared();
-        out.log_likelihood = -0.5 * (out.nis + 2.0 * log_determinant + channels as f64 * std::f64::consts::TAU.ln());
-        out.gated = out.nis > gate * channels as f64;
-        if out.gated {
-            return out;
-        }
-
-        // The centred points are ± S e_i sqrt(N/2N), so P_xz = S (Zc+ - Zc-)ᵀ / sqrt(2)
-        let half = self.factor * std::f64::consts::FRAC_1_SQRT_2;
-        let opposite = SMatrix::<f64, M, N>::from_fn(|j, i| spread[(j, i)] - spread[(j, N + i)]);
-        let mut gain = divide(&product(&half, &opposite.transpose()), &out.factor);
-        (0..N).filter(|i| considered[*i]).for_each(|i| gain.row_mut(i).fill(0.0));
-        self.state += gain * out.residual;
-        let mut rest = -product(&gain, &spread);
-        for i in 0..N {
-            for row in 0..N {
-                rest[(row, i)] += half[(row, i)];
-                rest[(row, N + i)] -= half[(row, i)];
-            }
-        }
-        self.factor = tria(rest);
-        absorb(&mut self.factor, product(&gain, &noise));
-        out
-    }
-
-    /// The points: first all `x + sqrt(N) S e_i`, then all `x - sqrt(N) S e_i`.
-    fn points<const P: usize>(&self) -> [SVector<f64, N>; P] {
-        const { assert!(P == 2 * N, "there are two points per state") };
-        let step = (N as f64).sqrt();
-        std::array::from_fn(|k| self.state + self.factor.column(k % N) * if k < N { step } else { -step })
-    }
+/// The points: first all `x + sqrt(N) S e_i`, then all `x - sqrt(N) S e_i`.
+fn points<const N: usize, const P: usize>(belief: &FactoredGaussian<N>) -> [SVector<f64, N>; P] {
+    const { assert!(P == 2 * N, "there are two points per state") };
+    let step = (N as f64).sqrt();
+    std::array::from_fn(|k| belief.mean + belief.factor.column(k % N) * if k < N { step } else { -step })
 }
 
 fn mean<const M: usize, const P: usize>(points: &[SVector<f64, M>; P]) -> SVector<f64, M> {

@@ -19,34 +19,9 @@
 //! of the innovation's covariance, which [`crate::filter::square_root`] takes from the whole factor;
 //! eq. 27 stands for two triangular solves.
 
+use super::gaussian::FactoredGaussian;
 use super::square_root::{absorb, absorb_leading, block, set_block};
 use nalgebra::{SMatrix, SVector};
-use serde::{Deserialize, Serialize};
-
-/// A Gaussian with the lower factor of its covariance.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Gaussian<const N: usize> {
-    /// Mean.
-    pub mean: SVector<f64, N>,
-    /// Lower triangular `S` with `P = S S^T`.
-    pub factor: SMatrix<f64, N, N>,
-}
-
-impl<const N: usize> Gaussian<N> {
-    /// Independent states.
-    pub fn independent(mean: SVector<f64, N>, std: &SVector<f64, N>) -> Self {
-        Self { mean, factor: SMatrix::from_diagonal(std) }
-    }
-
-    /// Whether mean and factor are finite: 0 times anything else is not 0.
-    pub fn is_finite(&self) -> bool {
-        let mut sum = self.mean * 0.0;
-        for column in self.factor.column_iter() {
-            sum += column * 0.0;
-        }
-        sum.sum() == 0.0
-    }
-}
 
 /// How far the sigma points lie from the mean and how they are weighted.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,11 +70,11 @@ impl Spread {
     /// have no sum, so that half of the points only widen the moving states' own block.
     pub fn predict<const N: usize, const M: usize, const K: usize>(
         &self,
-        prior: &Gaussian<N>,
+        prior: &FactoredGaussian<N>,
         q: &SVector<f64, N>,
         centre: &SVector<f64, M>,
         mut pair: impl FnMut(&SVector<f64, N>) -> [SVector<f64, M>; 2],
-    ) -> Gaussian<N> {
+    ) -> FactoredGaussian<N> {
         let (mut moved, mut bent) = (SMatrix::<f64, M, N>::zeros(), SMatrix::<f64, M, N>::zeros());
         let mut sum = SVector::<f64, M>::zeros();
         let half = 0.5 / self.gamma;
@@ -116,7 +91,7 @@ impl Spread {
         absorb(&mut noise, drift * self.surplus.sqrt());
         let mut mean = prior.mean;
         set_block(&mut mean, 0, 0, &(centre + drift));
-        Gaussian { mean, factor: predicted_factor::<N, M, K>(noise, &moved, &prior.factor, q) }
+        FactoredGaussian { mean, factor: predicted_factor::<N, M, K>(noise, &moved, &prior.factor, q) }
     }
 }
 
@@ -128,7 +103,7 @@ pub fn predict_linearised<const N: usize, const M: usize, const K: usize>(
     f: &SMatrix<f64, M, N>,
     prior: &SMatrix<f64, N, N>,
     q: &SVector<f64, N>,
-) -> Gaussian<N> {
+) -> FactoredGaussian<N> {
     let mut moved = SMatrix::<f64, M, N>::zeros();
     for j in 0..N {
         for k in j..N {
@@ -138,7 +113,7 @@ pub fn predict_linearised<const N: usize, const M: usize, const K: usize>(
         }
     }
     let noise = SMatrix::from_diagonal(&block(q, 0, 0));
-    Gaussian { mean, factor: predicted_factor::<N, M, K>(noise, &moved, prior, q) }
+    FactoredGaussian { mean, factor: predicted_factor::<N, M, K>(noise, &moved, prior, q) }
 }
 
 /// The factor whose first `M` rows have become `moved` and `noise`, and whose others have walked.

@@ -9,11 +9,11 @@ use divan::{Bencher, black_box};
 use nalgebra::SVector;
 use runs::{Drive as Setup, Normal};
 use wheelstate::Estimator;
-use wheelstate::estimator::wheelchair::observer::{Drive, Form, Observer, Sample};
+use wheelstate::estimator::wheelchair::ekf::{ChairEkf, Drive, Form, Sample};
 use wheelstate::estimator::wheelchair::{
     Basic, Biased, GravityVector, Inputs, Kind, Mover, Outputs, Parameters, Wheelchair,
 };
-use wheelstate::filter::belief::Belief;
+use wheelstate::filter::gaussian::Gaussian;
 use wheelstate::model::wheelchair::{Command, Output, wheel_travel};
 use wheelstate::plant::wheelchair::Course;
 
@@ -36,11 +36,11 @@ fn parameters() -> Parameters {
 
 fn predict_and_update<const N: usize, const K: usize, const P: usize, F: Form<N, K, P>>(bencher: Bencher, form: F) {
     let p = parameters();
-    let observer = Observer { chair: p.chair(), noise: p.noise(), limits: p.limits(), gate: p.gate(), form };
+    let filter = ChairEkf { chair: p.chair(), noise: p.noise(), limits: p.limits(), gate: p.gate(), form };
     let steps: Vec<(Sample, Drive)> = drive()
         .iter()
         .map(|i| {
-            let (travel, heading) = wheel_travel(&observer.chair, i.encoder_right, i.encoder_left);
+            let (travel, heading) = wheel_travel(&filter.chair, i.encoder_right, i.encoder_left);
             let y = Output::from([travel, heading, i.gyro_pitch, i.accel_x, i.accel_y, i.accel_z]);
             let command = Command::new(i.drive_force, i.drive_moment);
             (y.into(), Drive { command, accel_x: Some(i.accel_x), still: false })
@@ -48,15 +48,15 @@ fn predict_and_update<const N: usize, const K: usize, const P: usize, F: Form<N,
         .collect();
     let mut mean = SVector::<f64, N>::zeros();
     mean[1] = p.initial.heading;
-    let start = Belief::new(mean, &SVector::repeat(1e-3));
+    let start = Gaussian::independent(mean, &SVector::repeat(0.03));
     let (mut belief, mut counters, mut k) = (start, [0; 6], 0);
     bencher.bench_local(|| {
         if k == steps.len() {
             (belief, k) = (start, 0);
         }
         let (sample, drive) = black_box(&steps[k]);
-        let _ = observer.predict(&mut belief, 0.01, drive);
-        let _ = black_box(observer.update(&mut belief, &mut counters, sample, drive));
+        filter.predict(&mut belief, 0.01, drive);
+        let _ = black_box(filter.correct(&mut belief, &mut counters, sample, drive));
         k += 1;
     });
 }

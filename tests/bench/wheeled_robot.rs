@@ -4,8 +4,10 @@ use divan::{Bencher, black_box};
 use nalgebra::{SVector, Vector3, Vector4};
 use wheelstate::Estimator;
 use wheelstate::estimator::wheeled_robot::{Inputs, Outputs, Parameters, WheeledRobot as Robot};
+use wheelstate::filter::gaussian::FactoredGaussian;
+use wheelstate::filter::innovation::Gate;
 use wheelstate::filter::sliding_mode::SlidingMode;
-use wheelstate::filter::srckf::SrCkf;
+use wheelstate::filter::srckf;
 use wheelstate::model::tire::TireSet;
 use wheelstate::model::wheeled_robot::{Drive, Integrator, Motion, Vehicle, Wheel, WheeledRobot};
 
@@ -48,16 +50,16 @@ fn forces(bencher: Bencher) {
 #[divan::bench]
 fn cubature_filter(bencher: Bencher) {
     let (robot, drive) = (robot(), Drive::new(0.1, [0.0; 4]));
-    let mut filter = SrCkf::new(Vector3::new(3.0, 0.0, 0.0), Vector3::new(0.5, 0.2, 0.2));
+    let mut filter = FactoredGaussian::independent(Vector3::new(3.0, 0.0, 0.0), &Vector3::new(0.5, 0.2, 0.2));
     let (q, r) = (Vector3::repeat(0.02), Vector4::new(0.1, 0.1, 0.01, 0.05));
     let z = Vector4::new(0.0, 1.0, 0.35, 3.0);
     bencher.bench_local(|| {
         let driven = robot.driven(black_box(&drive));
-        filter.predict(&q, |x: &[Vector3<f64>; 6]| {
+        srckf::predict(&mut filter, &q, |x: &[Vector3<f64>; 6]| {
             driven.advance_of(x.map(Motion::from), 0.01, Integrator::Euler, 1).map(SVector::from)
         });
         let driven = robot.driven(black_box(&drive));
-        filter.update(black_box(&z), &r, f64::INFINITY, [false; 3], |x: &[Vector3<f64>; 6]| {
+        srckf::correct(&mut filter, black_box(&z), &r, (Gate::OPEN, &mut 0), [false; 3], |x: &[Vector3<f64>; 6]| {
             let forces = driven.accelerations_of(&x.map(Motion::from));
             std::array::from_fn(|k| Vector4::new(forces[k][0], forces[k][1], x[k][2], x[k][0]))
         })

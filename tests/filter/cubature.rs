@@ -2,7 +2,9 @@
 
 use crate::support::assert_close;
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Vector2, Vector3};
-use wheelstate::filter::srckf::SrCkf;
+use wheelstate::filter::gaussian::FactoredGaussian;
+use wheelstate::filter::innovation::Gate;
+use wheelstate::filter::srckf;
 
 const DT: f64 = 0.05;
 const Q: [f64; 3] = [0.02, 0.01, 0.03];
@@ -25,13 +27,20 @@ fn measurement(k: usize) -> Vector2<f64> {
     Vector2::new(one, 0.2 * (0.07 * k).cos() + 0.05 * (2.3 * k).sin())
 }
 
-fn run(mut see: impl FnMut(usize, &SrCkf<3>)) {
-    let mut filter = SrCkf::new(Vector3::new(0.5, -0.2, 0.1), P0.into());
+fn run(mut see: impl FnMut(usize, &FactoredGaussian<3>)) {
+    let mut filter = FactoredGaussian::independent(Vector3::new(0.5, -0.2, 0.1), &Vector3::from(P0));
     for k in 0..400 {
         if k > 0 {
-            filter.predict(&Q.into(), |x: &[Vector3<f64>; 6]| x.map(|x| f(&x)));
+            srckf::predict(&mut filter, &Q.into(), |x: &[Vector3<f64>; 6]| x.map(|x| f(&x)));
         }
-        filter.update(&measurement(k), &R.into(), f64::INFINITY, [false; 3], |x: &[Vector3<f64>; 6]| x.map(|x| h(&x)));
+        srckf::correct(
+            &mut filter,
+            &measurement(k),
+            &R.into(),
+            (Gate::OPEN, &mut 0),
+            [false; 3],
+            |x: &[Vector3<f64>; 6]| x.map(|x| h(&x)),
+        );
         see(k, &filter);
     }
 }
@@ -67,7 +76,7 @@ fn equals_the_covariance_form() {
         p = (p + p.transpose()) * 0.5;
         let own = filter.factor * filter.factor.transpose();
         for i in 0..3 {
-            assert_close(&format!("sample {k} x{i}"), filter.state[i], x[i], 1e-9, 1e-12);
+            assert_close(&format!("sample {k} x{i}"), filter.mean[i], x[i], 1e-9, 1e-12);
             for j in 0..3 {
                 assert_close(&format!("sample {k} p{i}{j}"), own[(i, j)], p[(i, j)], 1e-9, 1e-12);
             }
@@ -83,9 +92,9 @@ fn equals_filterpy() {
     run(|k, filter| {
         let p = filter.factor * filter.factor.transpose();
         let own = [
-            filter.state[0],
-            filter.state[1],
-            filter.state[2],
+            filter.mean[0],
+            filter.mean[1],
+            filter.mean[2],
             p[(0, 0)],
             p[(1, 0)],
             p[(1, 1)],
@@ -103,13 +112,18 @@ fn equals_filterpy() {
 /// Nearly equal rows of the measurement in a filter that knows almost everything: factors stay.
 #[test]
 fn keeps_its_factor_where_covariances_lose_definiteness() {
-    let mut filter = SrCkf::new(Vector3::zeros(), Vector3::repeat(1.0));
+    let mut filter = FactoredGaussian::independent(Vector3::zeros(), &Vector3::repeat(1.0));
     for k in 0..2000 {
-        filter.predict(&Vector3::repeat(1e-9), |x: &[Vector3<f64>; 6]| *x);
+        srckf::predict(&mut filter, &Vector3::repeat(1e-9), |x: &[Vector3<f64>; 6]| *x);
         let z = Vector2::new(1e-6 * f64::from(k % 3), 0.0);
-        filter.update(&z, &Vector2::repeat(1e-8), f64::INFINITY, [false; 3], |x: &[Vector3<f64>; 6]| {
-            x.map(|x| Vector2::new(x[0] + x[1] + x[2], x[0] + x[1] + (1.0 + 1e-9) * x[2]))
-        });
+        srckf::correct(
+            &mut filter,
+            &z,
+            &Vector2::repeat(1e-8),
+            (Gate::OPEN, &mut 0),
+            [false; 3],
+            |x: &[Vector3<f64>; 6]| x.map(|x| Vector2::new(x[0] + x[1] + x[2], x[0] + x[1] + (1.0 + 1e-9) * x[2])),
+        );
         assert!(filter.factor.iter().all(|s| s.is_finite()));
         assert!((0..3).all(|i| filter.factor[(i, i)] >= 0.0));
     }

@@ -30,17 +30,17 @@ struct Errors {
 fn errors(rows: &[runs::Row], outputs: &[Outputs]) -> Errors {
     let over = |f: &dyn Fn(&runs::Row, &Outputs) -> f64| rms_max(rows.iter().zip(outputs).map(|(r, o)| f(r, o)));
     Errors {
-        speed: over(&|r, o| o.speed - r.truth.speed),
-        heading: over(&|r, o| wrapped(o.heading - r.truth.heading)),
-        slope: over(&|r, o| o.slope - r.truth.slope),
-        pitch: over(&|r, o| o.pitch - r.truth.pitch),
+        speed: over(&|r, o| o.speed.value - r.truth.speed),
+        heading: over(&|r, o| wrapped(o.heading.value - r.truth.heading)),
+        slope: over(&|r, o| o.slope.value - r.truth.slope),
+        pitch: over(&|r, o| o.pitch.value - r.truth.pitch),
         found: found_after(rows, outputs, 0.1),
         found_roughly: found_after(rows, outputs, 0.2).is_some(),
         normalised: rows
             .iter()
             .zip(outputs)
             .filter(|(row, _)| (3.0..5.9).contains(&row.time))
-            .map(|(row, o)| (o.slope - row.truth.slope).abs() / o.slope_std)
+            .map(|(row, o)| (o.slope.value - row.truth.slope).abs() / o.slope.std)
             .collect(),
     }
 }
@@ -201,11 +201,12 @@ fn a_slope_that_rests_on_a_wrong_heading_is_not_healthy() {
                 }
                 let outputs = estimate(&p, &rows);
                 for (row, out) in rows.iter().zip(&outputs) {
-                    if (out.slope - row.truth.slope).abs() > 5.0 * out.slope_std.max(0.01) {
-                        absurd = (absurd.0 + 1, absurd.1 + usize::from(!out.healthy));
+                    if (out.slope.value - row.truth.slope).abs() > 5.0 * out.slope.std.max(0.01) {
+                        absurd = (absurd.0 + 1, absurd.1 + usize::from(!out.diagnostics.healthy));
                     }
                 }
-                *flagged += usize::from(outputs.iter().any(|out| out.status.contains(Status::CONTRADICTED)));
+                *flagged +=
+                    usize::from(outputs.iter().any(|out| out.diagnostics.status.contains(Status::CONTRADICTED)));
             }
         }
         println!(
@@ -248,15 +249,15 @@ fn gravity_vector_finds_an_unknown_heading() {
             let outputs = estimate(&p, &rows);
             slopes.push(errors(&rows, &outputs));
             let on_slope = || rows.iter().zip(&outputs).skip(300).take(296);
-            let error = |r: &runs::Row, o: &Outputs| wrapped(o.heading - r.truth.heading);
+            let error = |r: &runs::Row, o: &Outputs| wrapped(o.heading.value - r.truth.heading);
             rms.push(rms_max(on_slope().map(|(r, o)| error(r, o))).0);
-            normalised.push(rms_max(on_slope().map(|(r, o)| error(r, o) / o.heading_std)).0);
-            sigma.push(outputs[400].heading_std);
-            pitch.push(rms_max(on_slope().map(|(r, o)| o.pitch - r.truth.pitch)).0);
+            normalised.push(rms_max(on_slope().map(|(r, o)| error(r, o) / o.heading.std)).0);
+            sigma.push(outputs[400].heading.std);
+            pitch.push(rms_max(on_slope().map(|(r, o)| o.pitch.value - r.truth.pitch)).0);
             // On the flat start the heading is unknown and flagged; on the slope it is not.
-            assert!(outputs[150].heading_std > 0.5 && outputs[150].status.contains(Status::UNOBSERVABLE));
-            assert!(!outputs[400].status.contains(Status::UNOBSERVABLE));
-            assert!(outputs.iter().all(|o| o.slope >= 0.0));
+            assert!(outputs[150].heading.std > 0.5 && outputs[150].diagnostics.status.contains(Status::UNOBSERVABLE));
+            assert!(!outputs[400].diagnostics.status.contains(Status::UNOBSERVABLE));
+            assert!(outputs.iter().all(|o| o.slope.value >= 0.0));
         }
         println!(
             "{what}: heading rms {:.3} / {:.3}, own sigma {:.3}, normalised {:.2} / {:.2}, pitch rms {:.4}",
@@ -290,13 +291,15 @@ fn a_gap_of_a_second_is_bridged() {
             all.into_iter().chain([&mut i.accel_z]).for_each(|value| *value = f64::NAN);
         }
         let outputs = estimate(&p, &rows);
-        let slope = |k: usize| (outputs[k].slope - rows[k].truth.slope).abs();
+        let slope = |k: usize| (outputs[k].slope.value - rows[k].truth.slope).abs();
         within.push((400..500).map(slope).fold(0.0, f64::max));
         after.push(slope(520));
-        normalised.push(slope(520) / outputs[520].slope_std);
-        assert!(outputs[450].status.contains(Status::NO_MEASUREMENT) && outputs[450].nis == 0.0);
-        assert!(outputs[499].slope_std > outputs[399].slope_std);
-        assert!(!outputs[520].status.contains(Status::NO_MEASUREMENT) && outputs[550].healthy);
+        normalised.push(slope(520) / outputs[520].slope.std);
+        assert!(
+            outputs[450].diagnostics.status.contains(Status::NO_MEASUREMENT) && outputs[450].diagnostics.nis == 0.0
+        );
+        assert!(outputs[499].slope.std > outputs[399].slope.std);
+        assert!(!outputs[520].diagnostics.status.contains(Status::NO_MEASUREMENT) && outputs[550].diagnostics.healthy);
     }
     println!(
         "gap of 1 s: slope error {:.4} / {:.4} in it, {:.4} / {:.4} 0.2 s later, {:.2} / {:.2} of its sigma",
@@ -362,7 +365,7 @@ fn brakes_on_a_slope_do_not_hide_it() {
         without.outputs(&inputs, 0.0, &mut b);
         plant.advance([0.0; 2], 0.01);
     }
-    println!("braked on 0.05 rad: {:.4} with the standstill mode, {:.4} without", a.slope, b.slope);
-    assert!(a.standstill && (a.slope - 0.05).abs() < 0.003, "{}", a.slope);
-    assert!(!b.standstill && b.slope < 0.04);
+    println!("braked on 0.05 rad: {:.4} with the standstill mode, {:.4} without", a.slope.value, b.slope.value);
+    assert!(a.standstill && (a.slope.value - 0.05).abs() < 0.003, "{}", a.slope.value);
+    assert!(!b.standstill && b.slope.value < 0.04);
 }

@@ -44,6 +44,6 @@ fn steps_outputs_and_states_do_not_allocate() {
             }
         }
         assert_eq!(allocations() - before, 0, "{kind:?}");
-        assert!(outputs.speed.is_finite());
+        assert!(outputs.speed.value.is_finite());
     }
 }

@@ -1,7 +1,7 @@
 //! The chairs, the noise and the limits of the reference vectors.
 
 use crate::support::vector_text;
-use wheelstate::estimator::wheelchair::observer::{Limits, Noise};
+use wheelstate::estimator::wheelchair::ekf::{Limits, Noise};
 use wheelstate::model::wheelchair::{Accelerometer, Chair, Dynamics, Gyro};
 
 /// A parameter set of `params.json` by its name.
@@ -47,13 +47,7 @@ fn config() -> serde_json::Value {
 pub fn reference_limits() -> Limits {
     let config = config();
     let limit = |name: &str| config[name].as_f64().unwrap();
-    Limits {
-        accel: limit("acc_limit"),
-        gyro: limit("gyro_limit"),
-        substep: limit("dt_sub"),
-        longest_step: limit("dt_max"),
-        impact: 0.0,
-    }
+    Limits { substep: limit("dt_sub"), longest_step: limit("dt_max"), impact: 0.0 }
 }
 
 /// The noise of `params.json`, with the densities that a run sets instead.

@@ -8,19 +8,20 @@ use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use wheelstate::estimator::wheelchair::observer::{Drive, Form, Noise, Observer, Sample};
+use wheelstate::estimator::wheelchair::ekf::{ChairEkf, Drive, Form, Noise, Sample};
 use wheelstate::estimator::wheelchair::{Basic, Biased, GravityVector, Mover};
-use wheelstate::filter::belief::Belief;
 use wheelstate::filter::discretise::runge_kutta;
-use wheelstate::filter::ekf::{self, Gate, Rows};
+use wheelstate::filter::ekf::{self, Rows};
+use wheelstate::filter::gaussian::Gaussian;
+use wheelstate::filter::innovation::Gate;
 use wheelstate::model::wheelchair::{self as model, Command, Output, State};
 use wheelstate::plant::wheelchair::Course;
 
 const NO_GATE: Gate = Gate { deviations: 0.0, patience: 10 };
 
-fn observer<F>(form: F) -> Observer<F> {
+fn observer<F>(form: F) -> ChairEkf<F> {
     let noise = reference_noise(&serde_json::Value::Null);
-    Observer { chair: reference_chair("full"), noise, limits: reference_limits(), gate: NO_GATE, form }
+    ChairEkf { chair: reference_chair("full"), noise, limits: reference_limits(), gate: NO_GATE, form }
 }
 
 fn prior() -> SVector<f64, 6> {
@@ -40,8 +41,8 @@ fn sensor_noise(noise: &Noise, chair: &model::Chair, alpha: f64) -> SMatrix<f64,
 }
 
 /// Covariance of a step of 10 ms.
-fn process_noise(observer: &Observer<Basic>) -> SMatrix<f64, 6, 6> {
-    let mut step = Belief { mean: State::zeros(), covariance: SMatrix::zeros() };
+fn process_noise(observer: &ChairEkf<Basic>) -> SMatrix<f64, 6, 6> {
+    let mut step = Gaussian { mean: State::zeros(), covariance: SMatrix::zeros() };
     let drive = Drive { command: Command::zeros(), accel_x: None, still: false };
     Basic.add_process_noise(&mut step, &observer.chair, &drive, &observer.noise, observer.noise.speed, 0.01);
     step.covariance
@@ -60,7 +61,8 @@ fn nees_and_nis_are_those_of_a_consistent_filter() {
         let start = State::from([0.0, Course::Oblique.heading(), 0.0, 0.0, 0.0, 0.0]);
         let mut x = start;
         let spread = prior().map(f64::sqrt);
-        let mut filter = Belief::new(start + State::from_fn(|i, _| spread[i] * draw()), &prior());
+        let mut filter =
+            Gaussian::independent(start + State::from_fn(|i, _| spread[i] * draw()), &prior().map(f64::sqrt));
         let q_root = process_noise(&observer).cholesky().unwrap().l();
         let mut nees = 0.0;
         for k in 0..500 {
@@ -69,12 +71,12 @@ fn nees_and_nis_are_those_of_a_consistent_filter() {
                 let held = Drive { command: command(k - 1), accel_x: None, still: false };
                 x = runge_kutta(&x, 0.01, |x| model::derivative(&chair, x, &held.command, false));
                 x += q_root * State::from_fn(|_, _| draw());
-                observer.predict(&mut filter, 0.01, &held).unwrap();
+                observer.predict(&mut filter, 0.01, &held);
             }
             let now = Drive { command: command(k), accel_x: None, still: false };
             let r_root = sensor_noise(&observer.noise, &chair, x[model::ALPHA]).cholesky().unwrap().l();
             let y = model::output(&chair, &x, &now.command, false) + r_root * Output::from_fn(|_, _| draw());
-            let update = observer.update(&mut filter, &mut [0; 6], &Sample::from(y), &now).unwrap();
+            let update = observer.correct(&mut filter, &mut [0; 6], &Sample::from(y), &now).unwrap();
             let error = x - filter.mean;
             nees += error.dot(&filter.covariance.cholesky().unwrap().solve(&error));
             all_nis += update.nis;
@@ -105,7 +107,7 @@ fn extended_and_unscented_filters_agree() {
         observer.chair.heading_reference = runs[&file]["alpha_ref"].as_f64().unwrap();
         let chair = observer.chair;
         let x0 = runs[&file]["x0"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap());
-        let mut extended = Belief::new(State::from_iterator(x0), &prior());
+        let mut extended = Gaussian::independent(State::from_iterator(x0), &prior().map(f64::sqrt));
         let mut unscented = ukf::Ukf { mean: extended.mean, covariance: extended.covariance };
         let table = vector_table(&format!("wheelchair/{file}"));
         let q = process_noise(&observer);
@@ -117,7 +119,7 @@ fn extended_and_unscented_filters_agree() {
             };
             if row > 0 {
                 let held = drive(row - 1);
-                observer.predict(&mut extended, 0.01, &held).unwrap();
+                observer.predict(&mut extended, 0.01, &held);
                 let f = |x: &State| runge_kutta(x, 0.01, |x| model::derivative(&chair, x, &held.command, false));
                 unscented.predict(f, &q);
             }
@@ -125,7 +127,7 @@ fn extended_and_unscented_filters_agree() {
             let y = Output::from_fn(|i, _| table.at(row, &format!("y{}", i + 1)));
             let r = sensor_noise(&observer.noise, &chair, unscented.mean[model::ALPHA]);
             unscented.update(|x| model::output(&chair, x, &now.command, false), &y, &r);
-            observer.update(&mut extended, &mut [0; 6], &y.into(), &now).unwrap();
+            observer.correct(&mut extended, &mut [0; 6], &y.into(), &now).unwrap();
             for (k, state) in [model::V, model::ALPHA, model::XI].into_iter().enumerate() {
                 worst[k] = worst[k].max((extended.mean[state] - unscented.mean[state]).abs());
             }
@@ -143,7 +145,7 @@ fn rows_taken_one_by_one_equal_the_joint_update() {
     for lost in 0..64_usize {
         let (root, spread) =
             (SMatrix::<f64, 8, 8>::from_fn(|_, _| draw()), SMatrix::<f64, 6, 6>::from_fn(|_, _| draw()));
-        let prior = Belief { mean: SVector::<f64, 8>::from_fn(|_, _| draw()), covariance: root * root.transpose() };
+        let prior = Gaussian { mean: SVector::<f64, 8>::from_fn(|_, _| draw()), covariance: root * root.transpose() };
         let rows = Rows {
             innovation: SVector::<f64, 6>::from_fn(|_, _| draw()),
             jacobian: SMatrix::<f64, 6, 8>::from_fn(|_, _| draw()),
@@ -151,7 +153,7 @@ fn rows_taken_one_by_one_equal_the_joint_update() {
             used: std::array::from_fn(|row| lost >> row & 1 == 0),
         };
         let mut posterior = prior;
-        let told = ekf::update(&mut posterior, &rows, None).unwrap();
+        let told = ekf::correct(&mut posterior, &rows, None).unwrap();
 
         let chosen: Vec<usize> = (0..6).filter(|row| rows.used[*row]).collect();
         let h = nalgebra::DMatrix::from_fn(chosen.len(), 8, |i, j| rows.jacobian[(chosen[i], j)]);
@@ -167,7 +169,7 @@ fn rows_taken_one_by_one_equal_the_joint_update() {
         if !chosen.is_empty() {
             let nis = nu.dot(&(inverse * &nu));
             let likelihood = -0.5 * (nis + determinant.ln() + chosen.len() as f64 * std::f64::consts::TAU.ln());
-            assert!((told.nis - nis).abs() < 1e-9 * nis && (told.log_likelihood() - likelihood).abs() < 1e-8);
+            assert!((told.nis - nis).abs() < 1e-9 * nis && (told.log_likelihood - likelihood).abs() < 1e-8);
         }
     }
 }
@@ -175,14 +177,14 @@ fn rows_taken_one_by_one_equal_the_joint_update() {
 /// Where `P - K S K^T` has lost all digits, Joseph's form has not.
 #[test]
 fn a_precise_measurement_of_an_unknown_state_leaves_its_own_variance() {
-    let mut belief = Belief::new(SVector::from([0.0, 0.0]), &SVector::from([1e10, 1e10]));
+    let mut belief = Gaussian::independent(SVector::from([0.0, 0.0]), &SVector::from([1e5, 1e5]));
     let rows = Rows {
         innovation: SVector::from([1.0, 2.0]),
         jacobian: SMatrix::<f64, 2, 2>::from_row_slice(&[1.0, 0.0, 1.0, 1.0]),
         noise: SMatrix::identity() * 1e-8,
         used: [true; 2],
     };
-    ekf::update(&mut belief, &rows, None).unwrap();
+    ekf::correct(&mut belief, &rows, None).unwrap();
     let expected = SMatrix::<f64, 2, 2>::from_row_slice(&[1e-8, -1e-8, -1e-8, 2e-8]);
     assert!((belief.covariance - expected).amax() < 1e-12, "{}", belief.covariance);
     assert!((belief.mean - SVector::from([1.0, 1.0])).amax() < 1e-6);
@@ -195,15 +197,15 @@ fn stays_sound<const N: usize, const K: usize, const P: usize, F: Form<N, K, P>>
     steps: &[Step],
 ) -> Result<(), TestCaseError> {
     let observer = observer(form);
-    let mut filter = Belief::new(mean, &SVector::repeat(1e-2));
+    let mut filter = Gaussian::independent(mean, &SVector::repeat(0.1));
     let mut counters = [0; 6];
     for (y, force, moment, dt, still, lost) in steps {
         let drive = Drive { command: Command::new(*force, *moment), accel_x: Some(y[3]), still: *still };
-        observer.predict(&mut filter, *dt, &drive).unwrap();
+        observer.predict(&mut filter, *dt, &drive);
         let y = Output::from_fn(|i, _| if lost >> i & 1 == 1 { f64::NAN } else { y[i] });
-        let update = observer.update(&mut filter, &mut counters, &y.into(), &drive);
+        let update = observer.correct(&mut filter, &mut counters, &y.into(), &drive);
         prop_assert!(update.is_ok(), "{} {}", filter.mean, filter.covariance);
-        prop_assert!(filter.is_sound() && filter.covariance.cholesky().is_some(), "{}", filter.covariance);
+        prop_assert!(filter.is_valid() && filter.covariance.cholesky().is_some(), "{}", filter.covariance);
         // What no chair can do any more makes the estimator restart; it is not for the filter to bear.
         if filter.mean[2].abs() > 20.0 || filter.mean[3].abs() > 30.0 || filter.mean.rows(4, 2).amax() > 1.5 {
             return Ok(());

@@ -86,13 +86,13 @@ fn errors_keep_to_their_standard_deviations() {
                     let turned = kind == Kind::GravityVector && t.slope < 0.0;
                     let (sign, turn) = if turned { (-1.0, PI) } else { (1.0, 0.0) };
                     let steep = t.slope.abs() > 0.03;
-                    let heading = (o.heading - t.heading - turn + PI).rem_euclid(2.0 * PI) - PI;
+                    let heading = (o.heading.value - t.heading - turn + PI).rem_euclid(2.0 * PI) - PI;
                     let normalised = [
-                        (o.speed - t.speed) / o.speed_std,
-                        (o.yaw_rate - t.yaw_rate) / o.yaw_rate_std,
-                        (o.slope - sign * t.slope) / o.slope_std,
-                        (o.pitch - t.pitch) / o.pitch_std,
-                        if steep { heading / o.heading_std } else { 0.0 },
+                        (o.speed.value - t.speed) / o.speed.std,
+                        (o.yaw_rate.value - t.yaw_rate) / o.yaw_rate.std,
+                        (o.slope.value - sign * t.slope) / o.slope.std,
+                        (o.pitch.value - t.pitch) / o.pitch.std,
+                        if steep { heading / o.heading.std } else { 0.0 },
                     ];
                     (0..5).for_each(|k| squares[k] += normalised[k] * normalised[k]);
                     count += 1.0;

@@ -143,7 +143,7 @@ pub fn rms_max(errors: impl Iterator<Item = f64>) -> (f64, f64) {
 /// once the true slope is above half; `None` if that does not happen while the slope lasts.
 pub fn found_after(rows: &[Row], outputs: &[Outputs], share: f64) -> Option<f64> {
     let good: Vec<bool> =
-        rows.iter().zip(outputs).map(|(row, o)| (o.slope - row.truth.slope).abs() < share * 0.08).collect();
+        rows.iter().zip(outputs).map(|(row, o)| (o.slope.value - row.truth.slope).abs() < share * 0.08).collect();
     let first = (0..rows.len()).find(|&k| {
         (2.0..=6.0).contains(&rows[k].time)
             && rows[k].truth.slope > 0.04

@@ -14,7 +14,7 @@ pub fn variables(models: &[Model]) -> String {
     );
     for model in models {
         let _ = write!(text, "\n## {}\n\n{}.\n", model.name, model.description.trim_end_matches('.'));
-        section(&mut text, "Inputs", &model.inputs, |v| if v.measured { "measured".into() } else { start(v) });
+        section(&mut text, "Inputs", &model.inputs, |v| if v.may_be_missing() { "measured".into() } else { start(v) });
         section(&mut text, "Outputs", &model.outputs, |_| String::new());
         section(&mut text, "Parameters", &model.parameters, |v| {
             let change = if v.tunable { ", tunable" } else { "" };

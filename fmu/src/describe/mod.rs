@@ -127,7 +127,7 @@ fn write_types(text: &mut String, model: &Model) {
 pub fn description(variable: &Variable) -> String {
     let mut text = variable.description.clone();
     // a description that speaks of it itself says more
-    if variable.measured && !text.contains("NaN") && !text.contains("missing") {
+    if variable.may_be_missing() && !text.contains("NaN") && !text.contains("missing") {
         text.push_str(" NaN: no sample at this instant.");
     }
     if variable.name == "status" {
@@ -145,7 +145,7 @@ fn write_variable(text: &mut String, variable: &Variable, causality: &str, refer
     let variability = match (parameter, variable.tunable, variable.kind) {
         (true, false, _) => "fixed",
         (true, true, _) => "tunable",
-        (false, _, Kind::Real) if !variable.measured => "continuous",
+        (false, _, Kind::Real) if !variable.may_be_missing() => "continuous",
         _ => "discrete",
     };
     let initial = match causality {
@@ -166,14 +166,14 @@ fn write_variable(text: &mut String, variable: &Variable, causality: &str, refer
                 let _ = write!(text, r#" displayUnit="{display}""#);
             }
         }
-        Kind::Integer => text.push_str("Integer"),
+        Kind::Integer | Kind::Code(_) => text.push_str("Integer"),
         Kind::Boolean => text.push_str("Boolean"),
         Kind::Choice(_) => {
             let _ = write!(text, r#"Enumeration declaredType="{}""#, type_name(variable));
         }
     }
-    if matches!(variable.kind, Kind::Real | Kind::Integer) {
-        let whole = variable.kind == Kind::Integer;
+    if matches!(variable.kind, Kind::Real | Kind::Integer | Kind::Code(_)) {
+        let whole = variable.kind != Kind::Real;
         // a start that is no sample lies in no range, and a measured input takes any number
         let (low, high) = if variable.start.is_nan() { (f64::NEG_INFINITY, f64::INFINITY) } else { variable.range };
         for (name, bound, free) in [("min", low, i32::MIN), ("max", high, i32::MAX)] {

@@ -94,7 +94,7 @@ fn table(page: &mut String, title: &str, list: &[Variable], starts: bool, change
 pub(super) fn unit(variable: &Variable) -> &str {
     match variable.kind {
         Kind::Real => variable.unit,
-        Kind::Integer => "integer",
+        Kind::Integer | Kind::Code(_) => "integer",
         Kind::Boolean => "boolean",
         Kind::Choice(_) => "choice",
     }

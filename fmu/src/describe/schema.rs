@@ -41,7 +41,7 @@ fn value(variable: &Variable) -> Value {
     let (low, high) = variable.range;
     match variable.kind {
         Kind::Real => schema["type"] = "number".into(),
-        Kind::Integer => schema["type"] = "integer".into(),
+        Kind::Integer | Kind::Code(_) => schema["type"] = "integer".into(),
         Kind::Boolean => {
             schema["type"] = "boolean".into();
             schema["default"] = (variable.start != 0.0).into();

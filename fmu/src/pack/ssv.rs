@@ -10,7 +10,7 @@ pub fn text(model: &Model) -> String {
     let entries = model.parameters.iter().filter_map(|variable| {
         let value = match variable.kind {
             Kind::Real => Value::Real(variable.start, variable.unit),
-            Kind::Integer => Value::Integer(variable.start as i32),
+            Kind::Integer | Kind::Code(_) => Value::Integer(variable.start as i32),
             Kind::Boolean => Value::Boolean(variable.start != 0.0),
             Kind::Choice(_) => return None,
         };

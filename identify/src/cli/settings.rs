@@ -116,16 +116,8 @@ mod tests {
 
     #[test]
     fn choices_are_words_and_truth_values_are_not_numbers_elsewhere() {
-        let mut variable = Variable {
-            name: "mass.law".to_owned(),
-            description: String::new(),
-            unit: "1",
-            kind: Kind::Choice(&["threshold", "exponential"]),
-            start: 0.0,
-            range: (0.0, 1.0),
-            tunable: false,
-            measured: false,
-        };
+        let kind = Kind::Choice(&["threshold", "exponential"]);
+        let mut variable = Variable::new("mass.law".to_owned(), "", "1", kind, (0.0, 1.0));
         assert_eq!(value(Some(&variable), "exponential"), Ok(1.0));
         assert!(value(Some(&variable), "1").unwrap_err().contains("threshold, exponential"));
         variable.kind = Kind::Real;

@@ -37,7 +37,7 @@ impl<E: Estimator> Track<E> {
             for ((value, variable), channel) in flat.iter_mut().zip(&declared).zip(&channels) {
                 *value = match channel {
                     Some(values) => values[k],
-                    None if variable.measured => f64::NAN,
+                    None if variable.may_be_missing() => f64::NAN,
                     None => variable.start,
                 };
             }

@@ -234,12 +234,12 @@ fn the_estimator_follows_every_scenario() {
             };
             estimator.step(&inputs, 0.01);
             estimator.outputs(&inputs, 0.0, &mut o);
-            let slope_error = (o.slope - channel("true_slope")[k]).abs();
+            let slope_error = (o.slope.value - channel("true_slope")[k]).abs();
             assert!(slope_error < 0.03, "{} at {k}: {slope_error}", scenario.name);
-            assert!((o.speed - channel("true_speed")[k]).abs() < 0.06, "{} at {k}", scenario.name);
-            assert!((o.heading - channel("true_heading")[k]).abs() < 0.01, "{} at {k}", scenario.name);
+            assert!((o.speed.value - channel("true_speed")[k]).abs() < 0.06, "{} at {k}", scenario.name);
+            assert!((o.heading.value - channel("true_heading")[k]).abs() < 0.01, "{} at {k}", scenario.name);
         }
-        assert!((o.gyro_bias - 0.01).abs() < 3.0 * o.gyro_bias_std, "{}: {}", scenario.name, o.gyro_bias);
+        assert!((o.gyro_bias.value - 0.01).abs() < 3.0 * o.gyro_bias.std, "{}: {}", scenario.name, o.gyro_bias.value);
     }
     let unknown = Request { scenario: "fly".to_owned(), ..Request::default() };
     let message = simulate(Vehicle::Wheelchair, &unknown).unwrap_err().to_string();

@@ -108,16 +108,9 @@ struct List<'a> {
 
 impl List<'_> {
     fn push(&mut self, name: &str, about: &str, unit: &'static str, start: f64, range: (f64, f64)) {
-        self.list.push(Variable {
-            name: format!("{}{name}", self.prefix),
-            description: about.to_owned(),
-            unit,
-            kind: Kind::Real,
-            start,
-            range,
-            tunable: false,
-            measured: self.measured,
-        });
+        let name = format!("{}{name}", self.prefix);
+        let measured = self.measured;
+        self.list.push(Variable { start, measured, ..Variable::new(name, about, unit, Kind::Real, range) });
     }
 
     fn push_of_kind<V: Value>(&mut self, name: &str, about: &str, start: V) {
@@ -211,6 +204,13 @@ impl Variables for Inputs {
             self.contact.as_flattened_mut(),
         ];
         take(flat, &mut groups);
+    }
+
+    fn map(&mut self, f: &mut impl FnMut(f64) -> f64) {
+        let mut flat = [0.0; Self::COUNT];
+        self.write(&mut flat);
+        flat.iter_mut().for_each(|value| *value = f(*value));
+        self.read(&flat);
     }
 }
 
@@ -348,5 +348,11 @@ impl Variables for Outputs {
         self.log_likelihood = innovations[2];
         self.status = Status::from_number(last[0]);
         self.healthy = bool::from_number(last[1]);
+    }
+    fn map(&mut self, f: &mut impl FnMut(f64) -> f64) {
+        let mut flat = [0.0; Self::COUNT];
+        self.write(&mut flat);
+        flat.iter_mut().for_each(|value| *value = f(*value));
+        self.read(&flat);
     }
 }

@@ -195,7 +195,7 @@ impl NursingRobot {
         let outcome = sway.step(state, &sample, mass, if first { 0.0 } else { dt });
         status.raise_if(force.is_nan(), Status::HELD_INPUT);
         status.raise_if(state.repaired, Status::RECOVERED);
-        status.raise_if(state.strain.contradicts(), Status::CONTRADICTED);
+        status.raise_if(state.monitor.contradicted(), Status::CONTRADICTED);
         *status |= match outcome {
             SwayStatus::Updated | SwayStatus::Off => Status::OK,
             // The screening has already said which kind of sample was missing.
@@ -329,7 +329,7 @@ impl Estimator for NursingRobot {
         let starting = Status::RESTARTED.bits() | Status::RECOVERED.bits() | Status::BAD_STEP.bits();
         // a vehicle weighed by its accelerometer may have nobody on board who sways as declared
         let sway = self.state.sway.as_ref().filter(|_| !self.parameters.mass.use_accelerometer);
-        let contradicted = sway.is_some_and(|sway| sway.strain.contradicts());
+        let contradicted = sway.is_some_and(|sway| sway.monitor.contradicted());
         out.healthy =
             mass.rls.valid && !mass.implausible() && !contradicted && self.state.status.bits() & starting == 0;
     }

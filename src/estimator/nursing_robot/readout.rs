@@ -2,7 +2,7 @@
 //! while after the last sample.
 
 use super::sway::{SwayBelief, SwayEstimate, SwayEstimator, SwayState};
-use crate::filter::belief::Belief;
+use crate::filter::gaussian::Gaussian;
 use crate::model::nursing_robot::GRAVITY;
 use nalgebra::SVector;
 
@@ -22,7 +22,7 @@ impl SwayEstimator {
         }
     }
 
-    fn read<const N: usize>(&self, state: &SwayState, belief: &Belief<N>, force: f64, ahead: f64) -> SwayEstimate {
+    fn read<const N: usize>(&self, state: &SwayState, belief: &Gaussian<N>, force: f64, ahead: f64) -> SwayEstimate {
         let mut mean = belief.mean;
         let last = state.last_force();
         let mut step = self.step_of(state, last, 0.0);
@@ -62,7 +62,7 @@ impl SwayEstimator {
 }
 
 /// Variance of a quantity with this gradient.
-fn quadratic<const N: usize>(belief: &Belief<N>, gradient: &SVector<f64, N>) -> f64 {
+fn quadratic<const N: usize>(belief: &Gaussian<N>, gradient: &SVector<f64, N>) -> f64 {
     gradient.dot(&(belief.covariance * gradient)).max(0.0)
 }
 

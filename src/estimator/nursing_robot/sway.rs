@@ -12,9 +12,10 @@
 use super::Parameters;
 use super::parameters::SwayModel;
 use crate::filter::adaptation::{MeasurementAdaptation, MeasurementNoise, ProcessScale};
-use crate::filter::belief::{Belief, add_square};
 use crate::filter::bounded;
-use crate::filter::consistency::Strain;
+use crate::filter::gaussian::{Gaussian, add_square};
+use crate::filter::innovation::Gate;
+use crate::filter::nis_monitor::NisMonitor;
 use crate::filter::sigma_points::Weights;
 use crate::filter::ukf::{self, Channel};
 use crate::model::nursing_robot::{GRAVITY, Human, Lean, Planar, Robot};
@@ -79,7 +80,7 @@ pub struct SwayEstimator {
     density: [f64; 4],
     torque_density: f64,
     torque_time: f64,
-    start_variance: [f64; 4],
+    start_std: [f64; 4],
     adaptive: bool,
     adaptation: MeasurementAdaptation,
     scale: (f64, f64),
@@ -95,11 +96,11 @@ pub struct SwayEstimator {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum SwayBelief {
     /// Speed and pitch.
-    Two(Belief<2>),
+    Two(Gaussian<2>),
     /// Speed, pitch, pitch rate.
-    Three(Belief<3>),
+    Three(Gaussian<3>),
     /// Speed, pitch, pitch rate, active torque.
-    Four(Belief<4>),
+    Four(Gaussian<4>),
 }
 
 impl SwayBelief {
@@ -132,7 +133,7 @@ pub struct SwayState {
     pub channels: u8,
     /// Whether the speeds contradict the model: a mass, a rolling coefficient or a torque scale is wrong,
     /// and the body leans in the estimate only to explain it.
-    pub strain: Strain,
+    pub monitor: NisMonitor,
     /// Whether a covariance had to be repaired in the last step.
     pub repaired: bool,
     /// Load mass of the last step, kg.
@@ -141,7 +142,7 @@ pub struct SwayState {
     yaw_rate: f64,
     smoothed_speed: f64,
     slow_for: f64,
-    rejected: u8,
+    rejected: u32,
     held: bool,
 }
 
@@ -165,7 +166,7 @@ pub struct SwayEstimate {
 /// Time constant of the speed smoothed for the stand-still rule, s.
 const SMOOTHING_TIME: f64 = 0.1;
 /// Rejections in a row before the speed is re-aligned.
-const REJECTIONS: u8 = 3;
+const REJECTIONS: u32 = 3;
 
 /// What is constant during one step.
 pub(super) struct Step<'a> {
@@ -221,7 +222,7 @@ impl SwayEstimator {
             density,
             torque_density,
             torque_time: s.active_torque_time,
-            start_variance: start.map(|std| std * std),
+            start_std: start,
             adaptive: s.adaptive,
             adaptation: MeasurementAdaptation { memory: s.noise_memory, bounds: (s.noise_low, s.noise_high) },
             scale: (s.scale_time, s.scale_high),
@@ -244,7 +245,7 @@ impl SwayEstimator {
             nis: 0.0,
             log_likelihood: 0.0,
             channels: 0,
-            strain: Strain::default(),
+            monitor: NisMonitor::default(),
             repaired: false,
             mass: self.human.mass,
             force: None,
@@ -258,13 +259,18 @@ impl SwayEstimator {
 
     fn start_belief(&self, speed: f64) -> SwayBelief {
         let rest = self.human.rest_pitch;
-        let [v, pitch, rate, torque] = self.start_variance;
+        let [v, pitch, rate, torque] = self.start_std;
         match self.form {
-            Form::PaperRaw | Form::Paper => SwayBelief::Two(Belief::new([speed, rest].into(), &[v, pitch].into())),
-            Form::Sound => SwayBelief::Three(Belief::new([speed, rest, 0.0].into(), &[v, pitch, rate].into())),
-            Form::SoundTorque => {
-                SwayBelief::Four(Belief::new([speed, rest, 0.0, 0.0].into(), &[v, pitch, rate, torque].into()))
+            Form::PaperRaw | Form::Paper => {
+                SwayBelief::Two(Gaussian::independent([speed, rest].into(), &[v, pitch].into()))
             }
+            Form::Sound => {
+                SwayBelief::Three(Gaussian::independent([speed, rest, 0.0].into(), &[v, pitch, rate].into()))
+            }
+            Form::SoundTorque => SwayBelief::Four(Gaussian::independent(
+                [speed, rest, 0.0, 0.0].into(),
+                &[v, pitch, rate, torque].into(),
+            )),
         }
     }
 
@@ -373,7 +379,7 @@ impl SwayEstimator {
     fn filter<const N: usize>(
         &self,
         state: &mut SwayState,
-        belief: &mut Belief<N>,
+        belief: &mut Gaussian<N>,
         step: &Step,
         mut z: [f64; 3],
     ) -> SwayStatus {
@@ -395,55 +401,59 @@ impl SwayEstimator {
             sample: if self.use_channel[i] { z[i] } else { f64::NAN },
             variance: state.noise.variance[i],
         });
-        let (posterior, innovation) = ukf::updated(belief, &channels);
-        (state.nis, state.channels) = (innovation.nis, innovation.available as u8);
+        let prior = *belief;
+        let gate = Gate { deviations: self.gate.sqrt(), patience: REJECTIONS };
+        let innovation = ukf::correct(belief, &channels, gate, &mut state.rejected);
+        (state.nis, state.channels) = (innovation.nis, innovation.dof as u8);
         state.log_likelihood = innovation.log_likelihood;
-        if innovation.available > 0 {
+        if innovation.dof > 0 {
             // what is rejected counts, too
-            state.strain.take(innovation.nis / innovation.available as f64, self.gate, step.dt);
+            state.monitor.update(innovation.nis_per_row(), step.dt);
         }
         let wanted = self.use_channel.iter().filter(|used| **used).count();
-        let complete = innovation.available == wanted;
+        let complete = innovation.dof == wanted;
         let mut status = match (step.held, complete) {
             (true, _) => SwayStatus::Held,
             (false, true) => SwayStatus::Updated,
             (false, false) => SwayStatus::Missing,
         };
-        if innovation.nis > self.gate * innovation.available as f64 {
-            state.rejected += 1;
+        if innovation.any_rejected() {
             status = SwayStatus::Gated;
-            if state.rejected > REJECTIONS {
-                state.rejected = 0;
-                status = SwayStatus::Realigned;
-                if !z[0].is_nan() {
-                    belief.realign(0, z[0], self.nominal_noise[0]);
-                }
+        } else if state.rejected > REJECTIONS {
+            state.rejected = 0;
+            status = SwayStatus::Realigned;
+            *belief = prior;
+            if !z[0].is_nan() {
+                belief.reset_state(0, z[0], self.nominal_noise[0]);
             }
         } else {
-            state.rejected = 0;
-            *belief = posterior;
             if self.adaptive && complete {
                 let residual = channels.map(|c| c.sample - belief.mean[c.index]);
                 let posterior = channels.map(|c| belief.covariance[(c.index, c.index)]);
-                let normalised = std::array::from_fn(|i| innovation.residual[i] / innovation.variance[i].sqrt());
+                let normalised = std::array::from_fn(|i| {
+                    let (index, variance) = (channels[i].index, channels[i].variance);
+                    innovation.residual[i] / (prior.covariance[(index, index)] + variance).sqrt()
+                });
                 state.noise.learn(&self.adaptation, &self.nominal_noise, &self.use_channel, &residual, &posterior);
                 state.scale.learn(&self.use_channel, &normalised, step.dt, self.scale.0, self.scale.1);
             }
         }
-        if !belief.is_sound() {
+        if !belief.is_valid() {
             return SwayStatus::RolledBack;
         }
         if (belief.mean[1] - self.human.rest_pitch).abs() > self.pitch_limit {
-            let variances = SVector::<f64, N>::from_fn(|i, _| self.start_variance[i]);
-            *belief =
-                Belief::new(SVector::from_fn(|i, _| [belief.mean[0], self.human.rest_pitch, 0.0, 0.0][i]), &variances);
+            let std = SVector::<f64, N>::from_fn(|i, _| self.start_std[i]);
+            *belief = Gaussian::independent(
+                SVector::from_fn(|i, _| [belief.mean[0], self.human.rest_pitch, 0.0, 0.0][i]),
+                &std,
+            );
             return SwayStatus::Restarted;
         }
         status
     }
 
     /// Process noise over one step: independent on the states, and a white hip torque.
-    fn add_noise<const N: usize>(&self, belief: &mut Belief<N>, step: &Step, scale: f64) {
+    fn add_noise<const N: usize>(&self, belief: &mut Gaussian<N>, step: &Step, scale: f64) {
         let mut density = self.density;
         match self.form {
             Form::PaperRaw | Form::Paper => density[1] *= scale,
@@ -528,9 +538,9 @@ impl SwayState {
     /// Whether all numbers are finite and fit the estimator.
     pub fn is_sound(&self, estimator: &SwayEstimator) -> bool {
         let belief = match (&self.belief, estimator.form) {
-            (SwayBelief::Two(belief), Form::Paper | Form::PaperRaw) => belief.is_sound(),
-            (SwayBelief::Three(belief), Form::Sound) => belief.is_sound(),
-            (SwayBelief::Four(belief), Form::SoundTorque) => belief.is_sound(),
+            (SwayBelief::Two(belief), Form::Paper | Form::PaperRaw) => belief.is_valid(),
+            (SwayBelief::Three(belief), Form::Sound) => belief.is_valid(),
+            (SwayBelief::Four(belief), Form::SoundTorque) => belief.is_valid(),
             _ => false,
         };
         let numbers = [
@@ -545,7 +555,7 @@ impl SwayState {
         belief
             && self.noise.is_sound()
             && self.scale.is_sound()
-            && self.strain.is_sound()
+            && self.monitor.is_valid()
             && numbers.iter().all(|x| bounded(*x))
     }
 }

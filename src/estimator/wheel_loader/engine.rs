@@ -4,8 +4,9 @@
 use super::coordinates::{Map, unknowns};
 use super::parameters::{Adaptation, Form, Kind, ModelError, Parameters, Radii};
 use super::supervision::{Fading, SlipLimits, Supervision};
+use crate::filter::gaussian::FactoredGaussian;
 use crate::filter::square_root::{absorb_diagonal, andrews, array, block, joseph, set_block, tria, variances};
-use crate::filter::srukf::{Gaussian, Spread, SpreadError, predict_linearised};
+use crate::filter::srukf::{Spread, SpreadError, predict_linearised};
 use crate::model::wheel_loader::{Drive, Driven, GRAVITY, Loader, Motion, Unknowns, WheelLoader};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use std::f64::consts::TAU;
@@ -13,7 +14,7 @@ use std::f64::consts::TAU;
 /// States of the belief as it is stored; without radii the last two are 0.
 pub const STATES: usize = 8;
 /// The belief as it is stored.
-pub type Belief = Gaussian<STATES>;
+pub type Belief = FactoredGaussian<STATES>;
 /// Longest implicit step of the model, s.
 const LONGEST_STEP: f64 = 0.01;
 /// The random walks are declared per this time, s.
@@ -127,7 +128,7 @@ impl Engine {
             ]),
             adaptation: filter.adaptation.clone(),
             fading: Fading::new(&filter.adaptation, p.sample_period),
-            start: Gaussian::independent(mean, &SVector::from(std)),
+            start: FactoredGaussian::independent(mean, &SVector::from(std)),
             slip_limits: SlipLimits {
                 largest_stiffness: map.largest_stiffness(theta[0], 2.0 * std[3]),
                 ratio: p.start.cg_ratio,
@@ -206,12 +207,12 @@ impl Engine {
     ) -> Option<Outcome> {
         if self.radii {
             let (posterior, outcome) = self.sample_states::<STATES, 5>(belief, drive, y, dt, supervision);
-            *belief = posterior.is_finite().then_some(posterior)?;
+            *belief = posterior.is_valid().then_some(posterior)?;
             return Some(outcome);
         }
-        let prior = Gaussian { mean: block(&belief.mean, 0, 0), factor: block(&belief.factor, 0, 0) };
+        let prior = FactoredGaussian { mean: block(&belief.mean, 0, 0), factor: block(&belief.factor, 0, 0) };
         let (posterior, outcome) = self.sample_states::<6, 3>(&prior, drive, y, dt, supervision);
-        let posterior = posterior.is_finite().then_some(posterior)?;
+        let posterior = posterior.is_valid().then_some(posterior)?;
         set_block(&mut belief.mean, 0, 0, &posterior.mean);
         set_block(&mut belief.factor, 0, 0, &posterior.factor);
         Some(outcome)
@@ -219,12 +220,12 @@ impl Engine {
 
     fn sample_states<const N: usize, const K: usize>(
         &self,
-        prior: &Gaussian<N>,
+        prior: &FactoredGaussian<N>,
         drive: &Drive,
         y: &[f64; 3],
         dt: f64,
         supervision: &mut Supervision,
-    ) -> (Gaussian<N>, Outcome) {
+    ) -> (FactoredGaussian<N>, Outcome) {
         let held = supervision.held;
         let mut belief = if held && !supervision.settling {
             self.hold(prior, dt)
@@ -300,7 +301,7 @@ impl Engine {
     /// present noise level, the second also counts a single large innovation less (Huber).
     fn measurement<const N: usize>(
         &self,
-        predicted: &Gaussian<N>,
+        predicted: &FactoredGaussian<N>,
         y: &[f64; 3],
         dt: f64,
         supervision: &mut Supervision,
@@ -337,7 +338,7 @@ impl Engine {
     }
 
     /// Time update while nothing is learnt: the motion walks, the unknowns keep mean and covariance.
-    fn hold<const N: usize>(&self, prior: &Gaussian<N>, dt: f64) -> Gaussian<N> {
+    fn hold<const N: usize>(&self, prior: &FactoredGaussian<N>, dt: f64) -> FactoredGaussian<N> {
         let scale = (dt / WALK_TIME).sqrt();
         let q = SVector::<f64, N>::from_fn(|i, _| if i < 3 { HELD_WALK[i] * scale } else { 0.0 });
         let mut predicted = *prior;
@@ -348,11 +349,11 @@ impl Engine {
     /// Time update by the model; the unknowns walk only if something may be learnt.
     fn predict<const N: usize, const K: usize>(
         &self,
-        prior: &Gaussian<N>,
+        prior: &FactoredGaussian<N>,
         drive: &Drive,
         dt: f64,
         learn: bool,
-    ) -> Gaussian<N> {
+    ) -> FactoredGaussian<N> {
         let scale = (dt / WALK_TIME).sqrt();
         let mut q = SVector::<f64, N>::from_fn(|i, _| if i < 3 || learn { self.process[i] * scale } else { 0.0 });
         if self.supervise && learn {
@@ -406,7 +407,7 @@ impl Engine {
     }
 
     /// Clips direct coordinates and caps the standard deviations.
-    fn limit<const N: usize>(&self, belief: &mut Gaussian<N>) {
+    fn limit<const N: usize>(&self, belief: &mut FactoredGaussian<N>) {
         let mut theta = Vector3::new(belief.mean[3], belief.mean[4], belief.mean[5]);
         self.map.clip(&mut theta);
         set_block(&mut belief.mean, 3, 0, &theta);

@@ -31,7 +31,8 @@ mod supervision;
 pub use parameters::*;
 
 use super::{Estimator, StateError};
-use crate::filter::srukf::{Gaussian, SpreadError};
+use crate::filter::gaussian::FactoredGaussian;
+use crate::filter::srukf::SpreadError;
 use crate::model::wheel_loader::Drive;
 use crate::{ParameterError, Status, Variables};
 use engine::{Belief, Engine};
@@ -68,7 +69,7 @@ pub struct State {
 impl State {
     /// The filter's belief `[v, w_f, w_r, theta_K, theta_h, theta_lambda, d_f, d_r]`: motion, unknowns
     /// in the filter's coordinates, relative errors of the rolling radii.
-    pub fn belief(&self) -> &Gaussian<8> {
+    pub fn belief(&self) -> &FactoredGaussian<8> {
         &self.belief
     }
 }
@@ -160,7 +161,7 @@ impl Estimator for WheelLoader {
     }
 
     fn restore(&mut self, state: &State) -> Result<(), StateError> {
-        if !state.belief.is_finite() {
+        if !state.belief.is_valid() {
             return Err(StateError("the belief is not finite"));
         }
         if !self.engine.radii && state.belief.factor.fixed_rows::<2>(6).amax() > 0.0 {

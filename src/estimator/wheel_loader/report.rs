@@ -2,8 +2,8 @@
 
 use super::engine::{Engine, STATES};
 use super::{Inputs, Outputs, Status, WheelLoader};
+use crate::filter::gaussian::FactoredGaussian;
 use crate::filter::square_root::std_of;
-use crate::filter::srukf::Gaussian;
 use crate::model::wheel_loader::{Drive, Driven, GRAVITY, Motion, Unknowns, WheelLoader as Machine};
 use nalgebra::{SVector, Vector3};
 
@@ -81,7 +81,7 @@ impl WheelLoader {
 }
 
 /// Standard deviations of `[K, h, lambda]`.
-fn reported_std(engine: &Engine, belief: &Gaussian<STATES>, unknowns: &Unknowns) -> Vector3<f64> {
+fn reported_std(engine: &Engine, belief: &FactoredGaussian<STATES>, unknowns: &Unknowns) -> Vector3<f64> {
     let model = engine.model_std(unknowns);
     Vector3::from_fn(|i, _| reported_std_of(i, engine, belief, unknowns, &model))
 }
@@ -91,7 +91,7 @@ fn reported_std(engine: &Engine, belief: &Gaussian<STATES>, unknowns: &Unknowns)
 fn reported_std_of(
     i: usize,
     engine: &Engine,
-    belief: &Gaussian<STATES>,
+    belief: &FactoredGaussian<STATES>,
     unknowns: &Unknowns,
     model: &Vector3<f64>,
 ) -> f64 {
@@ -103,7 +103,7 @@ fn reported_std_of(
 
 /// Variance that the model's simplifications add, as far as the data and not the start values made the
 /// estimate.
-fn model_variance(i: usize, engine: &Engine, belief: &Gaussian<STATES>, model: &Vector3<f64>) -> f64 {
+fn model_variance(i: usize, engine: &Engine, belief: &FactoredGaussian<STATES>, model: &Vector3<f64>) -> f64 {
     let left = std_of(&belief.factor, 3 + i) / engine.start().factor[(3 + i, 3 + i)];
     (1.0 - left * left).max(0.0) * model[i] * model[i]
 }
@@ -112,7 +112,7 @@ fn model_variance(i: usize, engine: &Engine, belief: &Gaussian<STATES>, model: &
 /// and the slope only: slip says nothing there.
 fn load_ratio(
     engine: &Engine,
-    belief: &Gaussian<STATES>,
+    belief: &FactoredGaussian<STATES>,
     machine: &Machine,
     motion: &Motion,
     unknowns: &Unknowns,

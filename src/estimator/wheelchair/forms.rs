@@ -1,8 +1,8 @@
-//! The states the observer can work with.
+//! The states that the filter can carry.
 
-use super::observer::{Drive, Expected, Form, Noise};
-use crate::filter::belief::Belief;
+use super::ekf::{Drive, Expected, Form, Noise};
 use crate::filter::discretise::white_rate_noise;
+use crate::filter::gaussian::Gaussian;
 use crate::model::wheelchair::{self as model, Chair, biased_gravity, gravity};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -96,6 +96,8 @@ fn outer(lever: Vector3<f64>) -> Matrix3<f64> {
 /// All but the slope's rate moves.
 impl Form<6, 5, 3> for Basic {
     const AT_REST: [usize; 3] = [model::V, model::R, model::W];
+    const POSE: [usize; 2] = [model::S, model::ALPHA];
+    const TILT: &'static [usize] = &[model::XI];
 
     fn derivative(&self, chair: &Chair, x: &model::State, drive: &Drive) -> model::State {
         model::derivative(chair, x, &drive.command, drive.still)
@@ -103,7 +105,7 @@ impl Form<6, 5, 3> for Basic {
     fn linearise(&self, chair: &Chair, x: &model::State, drive: &Drive) -> (model::State, SMatrix<f64, 5, 6>) {
         model::linearise(chair, x, &drive.command, drive.still)
     }
-    fn add_process_noise(&self, belief: &mut Belief<6>, _: &Chair, _: &Drive, noise: &Noise, speed: f64, dt: f64) {
+    fn add_process_noise(&self, belief: &mut Gaussian<6>, _: &Chair, _: &Drive, noise: &Noise, speed: f64, dt: f64) {
         add_paired_noise(&mut belief.covariance, dt, chair_pairs(noise, speed));
     }
     fn observe(&self, chair: &Chair, x: &model::State, drive: &Drive) -> Expected<6> {
@@ -115,6 +117,8 @@ impl Form<6, 5, 3> for Basic {
 /// The slope's rate, the biases and the force's errors do not move.
 impl Form<13, 5, 3> for Biased {
     const AT_REST: [usize; 3] = [model::V, model::R, model::W];
+    const POSE: [usize; 2] = [model::S, model::ALPHA];
+    const TILT: &'static [usize] = &[model::XI];
 
     fn takes_acceleration(&self) -> bool {
         self.mover != Mover::Force
@@ -141,7 +145,7 @@ impl Form<13, 5, 3> for Biased {
     }
     fn add_process_noise(
         &self,
-        belief: &mut Belief<13>,
+        belief: &mut Gaussian<13>,
         chair: &Chair,
         drive: &Drive,
         noise: &Noise,
@@ -168,6 +172,8 @@ impl Form<13, 5, 3> for Biased {
 /// The rates of pitch and roll, the biases and the force's errors do not move.
 impl Form<14, 6, 4> for GravityVector {
     const AT_REST: [usize; 4] = [gravity::V, gravity::R, gravity::WP, gravity::WR];
+    const POSE: [usize; 2] = [gravity::S, gravity::PSI];
+    const TILT: &'static [usize] = &[gravity::GX, gravity::GY];
 
     fn derivative(&self, chair: &Chair, x: &biased_gravity::State, drive: &Drive) -> biased_gravity::State {
         biased_gravity::derivative(chair, x, &drive.command, drive.still)
@@ -180,7 +186,15 @@ impl Form<14, 6, 4> for GravityVector {
     ) -> (biased_gravity::State, SMatrix<f64, 6, 14>) {
         biased_gravity::linearise(chair, x, &drive.command, drive.still)
     }
-    fn add_process_noise(&self, belief: &mut Belief<14>, _: &Chair, drive: &Drive, noise: &Noise, speed: f64, dt: f64) {
+    fn add_process_noise(
+        &self,
+        belief: &mut Gaussian<14>,
+        _: &Chair,
+        drive: &Drive,
+        noise: &Noise,
+        speed: f64,
+        dt: f64,
+    ) {
         use gravity::{GX, GY, PSI, R, S, V, WP, WR};
         let pairs = [(S, V, speed), (PSI, R, noise.yaw_rate), (GX, WP, noise.slope_rate), (GY, WR, noise.slope_rate)];
         add_paired_noise(&mut belief.covariance, dt, pairs);

@@ -1,7 +1,7 @@
 //! Parameters of the wheelchair's estimator and the chair that they describe.
 
-use super::observer::{Limits, Noise};
-use crate::filter::ekf::Gate;
+use super::ekf::{Limits, Noise};
+use crate::filter::innovation::Gate;
 use crate::model::wheelchair::{Accelerometer, Chair, Dynamics, Gyro};
 use crate::{ParameterError, Variables};
 use std::f64::consts::PI;
@@ -132,19 +132,19 @@ crate::variables! {
     /// Process noise: power spectral densities of white noise.
     pub struct ProcessParameters {
         /// Density of the unmodelled acceleration along the heading.
-        speed: f64 = 1e-3, "m2/s3", [0.0, 1e3], tunable;
+        speed: f64 = 1e-3, "m2/s3", [0.0, 1e3], tunable, process_noise;
         /// Density of the unmodelled yaw acceleration.
-        yaw_rate: f64 = 4e-3, "rad2/s3", [0.0, 1e3], tunable;
+        yaw_rate: f64 = 4e-3, "rad2/s3", [0.0, 1e3], tunable, process_noise;
         /// Density of the slope's second derivative.
-        slope_rate: f64 = 0.5, "rad2/s3", [0.0, 1e3], tunable;
+        slope_rate: f64 = 0.5, "rad2/s3", [0.0, 1e3], tunable, process_noise;
         /// Density of the drift of the gyro's bias.
-        gyro_bias: f64 = 1e-8, "rad2/s3", [0.0, 1.0], tunable;
+        gyro_bias: f64 = 1e-8, "rad2/s3", [0.0, 1.0], tunable, process_noise;
         /// Density of the drift of the accelerometer's bias.
-        accel_bias: f64 = 1e-6, "m2/s5", [0.0, 1.0], tunable;
+        accel_bias: f64 = 1e-6, "m2/s5", [0.0, 1.0], tunable, process_noise;
         /// Density of the drift of the heading against the encoders, from slipping wheels.
-        heading_offset: f64 = 0.0, "rad2/s", [0.0, 1.0], tunable;
+        heading_offset: f64 = 0.0, "rad2/s", [0.0, 1.0], tunable, process_noise;
         /// Density of the drift of the force that nobody reports; with the kinds bias and gravity_vector.
-        force_offset: f64 = 4.0, "N2/s", [0.0, 1e6], tunable;
+        force_offset: f64 = 4.0, "N2/s", [0.0, 1e6], tunable, process_noise;
     }
 }
 
@@ -152,15 +152,15 @@ crate::variables! {
     /// Measurement noise: standard deviations per sample.
     pub struct MeasurementParameters {
         /// Standard deviation of one wheel angle.
-        encoder: f64 = 3e-3, "rad", [1e-9, 10.0], tunable;
+        encoder: f64 = 3e-3, "rad", [1e-9, 10.0], tunable, measurement_noise;
         /// Standard deviation of the gyro.
-        gyro: f64 = 5e-3, "rad/s", [1e-9, 10.0], tunable;
+        gyro: f64 = 5e-3, "rad/s", [1e-9, 10.0], tunable, measurement_noise;
         /// Standard deviation of the accelerometer, per axis.
-        accel: f64 = 0.05, "m/s2", [1e-9, 100.0], tunable;
+        accel: f64 = 0.05, "m/s2", [1e-9, 100.0], tunable, measurement_noise;
         /// Standard deviation of the slope's second derivative, which the accelerometer feels through its lever.
-        slope_acceleration: f64 = 1.0, "rad/s2", [0.0, 1e3], tunable;
+        slope_acceleration: f64 = 1.0, "rad/s2", [0.0, 1e3], tunable, measurement_noise;
         /// Standard deviation with which a chair at standstill is known to stand still; m/s and rad/s.
-        standstill: f64 = 2e-3, "1", [1e-9, 1.0], tunable;
+        standstill: f64 = 2e-3, "1", [1e-9, 1.0], tunable, measurement_noise;
     }
 }
 
@@ -310,13 +310,7 @@ impl Parameters {
 
     /// Limits of sensors and steps.
     pub fn limits(&self) -> Limits {
-        Limits {
-            accel: self.limit.accel,
-            gyro: self.limit.gyro,
-            impact: self.filter.impact,
-            substep: 0.02,
-            longest_step: 1.0,
-        }
+        Limits { impact: self.filter.impact, substep: 0.02, longest_step: 1.0 }
     }
 
     /// The gate.

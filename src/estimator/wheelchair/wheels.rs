@@ -1,6 +1,6 @@
 //! From wheel angles to the encoder rows: zero, missing wheels, counters that restart.
 
-use super::observer::Sample;
+use super::ekf::Sample;
 use super::parameters::Zero;
 use crate::model::wheelchair::{Chair, Output, wheel_travel};
 use serde::{Deserialize, Serialize};
@@ -88,11 +88,6 @@ impl Wheels {
             result.angles[k] = angle;
         }
         result
-    }
-
-    /// Whether every number is finite.
-    pub fn is_sound(&self) -> bool {
-        self.0.iter().all(|wheel| [wheel.zero, wheel.angle, wheel.age].iter().all(|value| value.is_finite()))
     }
 }
 

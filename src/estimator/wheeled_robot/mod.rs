@@ -36,7 +36,9 @@ pub use parameters::{
 pub use wheels::WheelStates;
 
 use super::{Estimator, StateError};
-use crate::filter::srckf::SrCkf;
+use crate::filter::gaussian::FactoredGaussian;
+use crate::filter::innovation::Gate;
+use crate::filter::srckf;
 use crate::model::wheeled_robot::{
     Drive, Driven, Integrator, Motion, WheeledRobot as Model, Wheels, specific_force_at,
 };
@@ -138,8 +140,8 @@ impl WheeledRobot {
     /// One sample, after `steps` time steps of `h` seconds.
     fn sample(&mut self, inputs: &Inputs, steps: u32, h: f64, mut status: Status) -> Status {
         let p = &self.parameters;
-        let mut filter = SrCkf {
-            state: SVector::from(self.state.x),
+        let mut filter = FactoredGaussian {
+            mean: SVector::from(self.state.x),
             factor: SMatrix::<f64, 3, 3>::from(self.state.factor).transpose(),
         };
 
@@ -151,8 +153,8 @@ impl WheeledRobot {
         let process = Vector3::new(q.speed_x, q.speed_y, q.yaw_rate) * scale;
         if self.state.samples > 0 {
             for _ in 0..steps {
-                let substeps = self.substeps(filter.state[0], h);
-                filter.predict(&process, |x: &[Vector3<f64>; 6]| {
+                let substeps = self.substeps(filter.mean[0], h);
+                srckf::predict(&mut filter, &process, |x: &[Vector3<f64>; 6]| {
                     driven.advance_of(x.map(Motion::from), h, self.integrator(), substeps).map(Vector3::from)
                 });
             }
@@ -171,7 +173,7 @@ impl WheeledRobot {
         let s = &mut self.state;
         s.steering = steering.unwrap_or(s.steering);
         let now = Now {
-            x: filter.state.into(),
+            x: filter.mean.into(),
             drive: Drive::new(s.steering, s.wheels.force),
             load: s.load,
             lateral: s.lateral,
@@ -189,9 +191,9 @@ impl WheeledRobot {
         // a start far from the measured speed would only bend the first samples
         if let Some(speed) = speed
             && (s.samples == 0 || status.contains(Status::RESTARTED))
-            && (speed - filter.state[0]).abs() > 3.0 * filter.factor[(0, 0)]
+            && (speed - filter.mean[0]).abs() > 3.0 * filter.factor[(0, 0)]
         {
-            filter.state[0] = speed;
+            filter.mean[0] = speed;
         }
 
         // measurement update
@@ -206,8 +208,7 @@ impl WheeledRobot {
         let steered = p.steering_acceleration_std();
         let accel_y_std = (r.accel_y * r.accel_y + steered * steered).sqrt();
         let noise = Vector4::new(r.accel_x, accel_y_std, r.gyro_z, r.speed);
-        let closed = p.filter.gate > 0.0 && s.rejections < MOST_REJECTIONS;
-        let gate = if closed { p.filter.gate } else { f64::INFINITY };
+        let gate = Gate { deviations: p.filter.gate.max(0.0).sqrt(), patience: MOST_REJECTIONS };
         let (driven, imu) = (self.model.driven(&drive), &p.imu);
         let expected = |x: &[Vector3<f64>; 6]| {
             let accelerations = driven.accelerations_of(&x.map(Motion::from));
@@ -218,11 +219,11 @@ impl WheeledRobot {
         };
         // A speed that nothing determines must not be moved by noise: it is considered, not updated.
         let blind = speed.is_none() && s.blind;
-        let innovation = filter.update(&z, &noise, gate, [blind, false, false], expected);
-        status.raise_if(innovation.gated, Status::GATED);
-        status.raise_if(innovation.channels == 0, Status::NO_MEASUREMENT);
-        s.rejections = if innovation.gated { s.rejections + 1 } else { 0 };
-        if !(filter.state.iter().all(|x| x.abs() < 1e4) && filter.factor.iter().all(|s| s.is_finite())) {
+        let innovation =
+            srckf::correct(&mut filter, &z, &noise, (gate, &mut s.rejections), [blind, false, false], expected);
+        status.raise_if(innovation.any_rejected(), Status::GATED);
+        status.raise_if(innovation.dof == 0, Status::NO_MEASUREMENT);
+        if !(filter.mean.iter().all(|x| x.abs() < 1e4) && filter.factor.iter().all(|s| s.is_finite())) {
             // cannot happen with finite inputs, and must not stay if it does
             let fresh = self.start.clone();
             let samples = self.state.samples;
@@ -231,13 +232,13 @@ impl WheeledRobot {
         }
 
         // what the outputs are made of
-        s.x = filter.state.into();
+        s.x = filter.mean.into();
         s.factor = filter.factor.transpose().into();
         let [forces] = driven.forces_of(&[s.x]);
         (s.load, s.lateral) = (forces.load, forces.lateral);
         s.log_likelihood = innovation.log_likelihood;
-        if innovation.channels > 0 {
-            s.nis = innovation.nis / innovation.channels as f64;
+        if innovation.dof > 0 {
+            s.nis = innovation.nis_per_row();
             let (ax, ay) = specific_force_at(forces.accelerations(), s.x[2], imu.x, imu.y);
             let squares = [z[0] - ax, z[1] - ay].map(|e| if e.is_finite() { e * e } else { 0.0 });
             let count = innovation.used[..2].iter().filter(|used| **used).count().max(1);
@@ -245,15 +246,14 @@ impl WheeledRobot {
         }
         for j in 0..4 {
             if innovation.used[j] {
-                let variance = innovation.factor.row(j).norm_squared();
-                s.nis_channels[j] = innovation.residual[j] * innovation.residual[j] / variance;
+                s.nis_channels[j] = innovation.whitened[j] * innovation.whitened[j];
             }
         }
         status.raise_if(s.load.iter().any(|load| *load <= 0.0), Status::LIFT_OFF);
         status.raise_if(self.wheels.slipping(&s.wheels, &driven, &s.x), Status::SLIP);
         let still = self.wheels.standing(&s.wheels).or(reference.map(|v| v.abs() < 2.0 * r.speed));
         status.raise_if(still == Some(true), Status::STANDSTILL);
-        let fresh_speed = innovation.used[3] && !innovation.gated;
+        let fresh_speed = innovation.used[3];
         status | self.judge_speed(&drive, fresh_speed, f64::from(steps) * h)
     }
 

@@ -73,10 +73,15 @@ impl Tire {
         let share = f / self.nominal_load;
         let mu = (self.friction + self.friction_slope * (share - 1.0)).max(0.05 * self.friction);
         let (c, d, e) = (self.shape, mu * f, self.curvature);
-        let c2 = self.load_sensitivity;
+        let c2 = self.degressive_share();
         let bend = |x: f64| (2.0 * x.atan()).sin();
         let k = self.stiffness * if c2 > 0.0 { bend(share / c2) / bend(1.0 / c2) } else { share };
         Coefficients { b: k / (c * d), c, d, e }
+    }
+
+    /// `c2`, not so small that its inverse square overflows.
+    fn degressive_share(&self) -> f64 {
+        if self.load_sensitivity > 0.0 { self.load_sensitivity.max(1e-6) } else { 0.0 }
     }
 
     /// Lateral force at a slip angle (rad) under a vertical load (N), N.

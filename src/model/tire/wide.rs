@@ -26,7 +26,7 @@ impl Tires {
     pub fn new(front: &Tire, rear: &Tire) -> Self {
         let lanes = |value: &dyn Fn(&Tire) -> f64| f64x4::new([front, front, rear, rear].map(value));
         // sin(2 atan x) = 2x / (1 + x²), so that K = K0 f/Fz0 (1 + y²)/(1 + (f y/Fz0)²) with y = 1/c2, or y = 0
-        let y = |t: &Tire| if t.load_sensitivity > 0.0 { 1.0 / t.load_sensitivity } else { 0.0 };
+        let y = |t: &Tire| if t.load_sensitivity > 0.0 { 1.0 / t.degressive_share() } else { 0.0 };
         Self {
             least_load: lanes(&|t| 1e-6 * t.nominal_load),
             friction: lanes(&|t| t.friction - t.friction_slope),

@@ -1,12 +1,13 @@
 //! One time update and one measurement update of the chair, for any of its states.
 //!
-//! [`Observer`] joins the model's forms ([`Form`]) with the extended Kalman filter and is what the
+//! [`ChairEkf`] joins the model's forms ([`Form`]) with the extended Kalman filter and is what the
 //! reference runs check; [`Wheelchair`](super::Wheelchair) puts inputs, standstill and outputs around it.
 
-use super::impacts::{AHEAD, weigh_down};
-use crate::filter::belief::Belief;
+use super::outliers::{ACCEL_X, downweight};
 use crate::filter::discretise::{runge_kutta, runge_kutta_from, substeps, transition};
-use crate::filter::ekf::{self, Gate, Innovation, NotPositiveDefinite, Rows};
+use crate::filter::ekf::{self, NotPositiveDefinite, Rows};
+use crate::filter::gaussian::Gaussian;
+use crate::filter::innovation::{Gate, Innovation};
 use crate::model::wheelchair::{Chair, Command, Output, encoder_covariance};
 use nalgebra::{Matrix3, SMatrix, SVector};
 use std::f64::consts::{PI, TAU};
@@ -40,13 +41,9 @@ pub struct Noise {
     pub standstill: f64,
 }
 
-/// Limits of sensors and steps.
+/// Limits of steps and of the influence of outliers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// At this specific force the accelerometer is saturated, m/s^2.
-    pub accel: f64,
-    /// At this pitch rate the gyro is saturated, rad/s.
-    pub gyro: f64,
     /// Longest step that is taken as one, s.
     pub substep: f64,
     /// Longest step that is taken at all, s.
@@ -55,14 +52,9 @@ pub struct Limits {
     pub impact: f64,
 }
 
-/// A step that is not positive, not finite or too long; nothing was changed.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("the step of {0} s is not in (0, {1}] s")]
-pub struct BadStep(pub f64, pub f64);
-
 /// The chair and all that a step needs besides the state.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Observer<F> {
+pub struct ChairEkf<F> {
     /// The chair.
     pub chair: Chair,
     /// Noise.
@@ -80,6 +72,10 @@ pub struct Observer<F> {
 pub trait Form<const N: usize, const K: usize, const P: usize> {
     /// The states that are zero at standstill.
     const AT_REST: [usize; P];
+    /// Distance and heading.
+    const POSE: [usize; 2];
+    /// The states that say how the ground is tilted.
+    const TILT: &'static [usize];
 
     /// Whether the measured acceleration ahead drives the motion instead of being a measurement.
     fn takes_acceleration(&self) -> bool {
@@ -96,7 +92,7 @@ pub trait Form<const N: usize, const K: usize, const P: usize> {
     /// Adds the noise of a step of `dt` with the density `speed` of the acceleration to a belief at its end.
     fn add_process_noise(
         &self,
-        belief: &mut Belief<N>,
+        belief: &mut Gaussian<N>,
         chair: &Chair,
         drive: &Drive,
         noise: &Noise,
@@ -129,7 +125,7 @@ pub struct Drive {
     pub still: bool,
 }
 
-/// One measurement; NaN or beyond the limits = missing.
+/// One measurement; NaN = missing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// `[s_enc, alpha_enc, gyro, a_x, a_y, a_z]`.
@@ -145,31 +141,32 @@ impl From<Output> for Sample {
     }
 }
 
-/// What an update did: the rows of the sensors, and of the standstill.
+/// What a measurement update did: the rows of the sensors, and of the standstill.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Update {
+pub struct Correction {
     /// The six sensor rows.
     pub sensors: Innovation<6>,
-    /// Normalised innovation squared of all rows, NaN if there was none.
+    /// Normalised innovation squared of all rows.
     pub nis: f64,
-    /// Number of rows used, with the pseudo-measurements of the standstill.
+    /// Number of rows with a sample, with the pseudo-measurements of the standstill.
     pub dof: usize,
 }
 
-impl<F> Observer<F> {
-    /// Time update over `dt` seconds, in equal sub-steps if it is long.
+/// Standard deviation of a chair's speed (m/s), yaw rate and tilt rates (rad/s) of which nothing is known.
+const UNKNOWN_RATE: f64 = 2.0;
+/// Standard deviation of the change of the ground's tilt since the chair was last seen, rad.
+const UNKNOWN_TILT: f64 = 0.1;
+
+impl<F> ChairEkf<F> {
+    /// Time update over `dt > 0` seconds, in equal sub-steps if it is long.
     pub fn predict<const N: usize, const K: usize, const P: usize>(
         &self,
-        belief: &mut Belief<N>,
+        belief: &mut Gaussian<N>,
         dt: f64,
         drive: &Drive,
-    ) -> Result<(), BadStep>
-    where
+    ) where
         F: Form<N, K, P>,
     {
-        if !(dt > 0.0 && dt <= self.limits.longest_step) {
-            return Err(BadStep(dt, self.limits.longest_step));
-        }
         let steps = substeps(dt, self.limits.substep);
         let h = dt / steps as f64;
         // An acceleration measured once and held over dt is white noise of this density.
@@ -181,48 +178,46 @@ impl<F> Observer<F> {
             ekf::predict(belief, mean, &transition(&jacobian, h));
             self.form.add_process_noise(belief, &self.chair, drive, &self.noise, density, h);
         }
-        Ok(())
     }
 
-    /// The mean `ahead` seconds later, the filter untouched.
+    /// The mean `horizon` seconds later, the filter untouched.
     pub fn carry_forward<const N: usize, const K: usize, const P: usize>(
         &self,
         mean: &SVector<f64, N>,
-        ahead: f64,
+        horizon: f64,
         drive: &Drive,
     ) -> SVector<f64, N>
     where
         F: Form<N, K, P>,
     {
-        let ahead = ahead.min(self.limits.longest_step);
-        if ahead.is_nan() || ahead <= 0.0 {
+        if horizon <= 0.0 {
             return *mean;
         }
-        let steps = substeps(ahead, self.limits.substep);
-        let h = ahead / steps as f64;
+        let steps = substeps(horizon, self.limits.substep);
+        let h = horizon / steps as f64;
         (0..steps).fold(*mean, |x, _| runge_kutta(&x, h, |x| self.form.derivative(&self.chair, x, drive)))
     }
 
     /// Measurement update with the command that acts at the sampling instant.
-    pub fn update<const N: usize, const K: usize, const P: usize>(
+    pub fn correct<const N: usize, const K: usize, const P: usize>(
         &self,
-        belief: &mut Belief<N>,
+        belief: &mut Gaussian<N>,
         counters: &mut [u32; 6],
         sample: &Sample,
         drive: &Drive,
-    ) -> Result<Update, NotPositiveDefinite>
+    ) -> Result<Correction, NotPositiveDefinite>
     where
         F: Form<N, K, P>,
     {
         let mut rows = self.rows(belief, sample, drive);
         // Without a gate nothing else uses its counters.
-        let weighed = self.limits.impact > 0.0 && self.gate.deviations <= 0.0;
+        let robust = self.limits.impact > 0.0 && self.gate.deviations <= 0.0;
         let impact =
-            if weighed { weigh_down(self.limits.impact, belief, &mut rows, &mut counters[AHEAD]) } else { 0.0 };
+            if robust { downweight(self.limits.impact, belief, &mut rows, &mut counters[ACCEL_X]) } else { 0.0 };
         let before = drive.still.then_some(*belief);
-        let sensors = ekf::update(belief, &rows, Some((self.gate, counters)))?;
+        let sensors = ekf::correct(belief, &rows, Some((self.gate, counters)))?;
         let Some(before) = before else {
-            return Ok(Update { nis: sensors.nis + impact, dof: sensors.dof, sensors });
+            return Ok(Correction { nis: sensors.nis + impact, dof: sensors.dof, sensors });
         };
         // Independent of the sensors' noise and linear: updating in turn equals stacking the rows.
         let mut at_rest = Rows {
@@ -235,26 +230,46 @@ impl<F> Observer<F> {
             at_rest.innovation[row] = -belief.mean[state];
             at_rest.jacobian[(row, state)] = 1.0;
         }
-        let rest = ekf::update(belief, &at_rest, None).inspect_err(|_| *belief = before)?;
-        let nis = rest.nis + if sensors.dof > 0 { sensors.nis + impact } else { 0.0 };
-        Ok(Update { nis, dof: sensors.dof + rest.dof, sensors })
+        let rest = ekf::correct(belief, &at_rest, None).inspect_err(|_| *belief = before)?;
+        Ok(Correction { nis: rest.nis + sensors.nis + impact, dof: sensors.dof + rest.dof, sensors })
+    }
+
+    /// After a gap that the model cannot bridge: speeds and tilt rates are unknown, distance, heading and tilt have
+    /// moved at such speeds; what the sensors get wrong stays as it was.
+    pub fn bridge_gap<const N: usize, const K: usize, const P: usize>(&self, belief: &mut Gaussian<N>, gap: f64)
+    where
+        F: Form<N, K, P>,
+    {
+        for state in F::AT_REST {
+            belief.reset_state(state, 0.0, UNKNOWN_RATE * UNKNOWN_RATE);
+        }
+        let [distance, heading] = [UNKNOWN_RATE * gap, (UNKNOWN_RATE * gap).min(PI)];
+        for (state, std) in F::POSE.into_iter().zip([distance, heading]) {
+            belief.inflate(state, std * std);
+        }
+        for state in F::TILT {
+            belief.inflate(*state, UNKNOWN_TILT * UNKNOWN_TILT);
+        }
     }
 
     /// Ends a standstill: the chair may have begun to move before the bands could show it, so speed,
     /// yaw rate and tilt rates become as uncertain as `std` says.
-    pub fn release<const N: usize, const K: usize, const P: usize>(&self, belief: &mut Belief<N>, std: [f64; P])
-    where
+    pub fn end_standstill<const N: usize, const K: usize, const P: usize>(
+        &self,
+        belief: &mut Gaussian<N>,
+        std: [f64; P],
+    ) where
         F: Form<N, K, P>,
     {
         for (state, std) in F::AT_REST.into_iter().zip(std) {
-            belief.covariance[(state, state)] += std * std;
+            belief.inflate(state, std * std);
         }
     }
 
-    /// The rows that have a plausible sample.
+    /// The rows that have a sample.
     fn rows<const N: usize, const K: usize, const P: usize>(
         &self,
-        belief: &Belief<N>,
+        belief: &Gaussian<N>,
         sample: &Sample,
         drive: &Drive,
     ) -> Rows<N, 6>
@@ -287,16 +302,10 @@ impl<F> Observer<F> {
 
         let mut used = [true; 6];
         for (row, used) in used.iter_mut().enumerate() {
-            let limit = match row {
-                0 | 1 => f64::INFINITY,
-                2 => self.limits.gyro,
-                _ => self.limits.accel,
-            };
-            let value = sample.values[row];
-            *used = value.is_finite() && value.abs() < limit;
+            *used = sample.values[row].is_finite();
         }
         used[1] &= sample.single_wheel.is_none();
-        used[AHEAD] &= !self.form.takes_acceleration() || drive.still;
+        used[ACCEL_X] &= !self.form.takes_acceleration() || drive.still;
         Rows { innovation, jacobian, noise, used }
     }
 }

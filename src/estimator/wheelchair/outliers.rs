@@ -4,30 +4,30 @@
 //! influence on the state, which grows with the innovation `nu` up to `c`, then falls as `c^2/nu` (in deviations): a
 //! redescending M-estimate, to which no row is lost for good. The source has nothing of the kind.
 
-use crate::filter::belief::Belief;
 use crate::filter::ekf::Rows;
+use crate::filter::gaussian::Gaussian;
 
-/// Row of the accelerometer ahead; those to the left and upward follow.
-pub(super) const AHEAD: usize = 3;
-/// An impact ahead takes no more samples than this; what lasts longer is a force that nobody reported, to be learned.
+/// Row of the forward accelerometer; those to the left and upward follow.
+pub(super) const ACCEL_X: usize = 3;
+/// A forward impact takes no more samples than this; what lasts longer is an unmodelled force, to be learned.
 const LONGEST: u32 = 3;
-/// What is further off than this, m/s^2, is no impact but a filter gone astray.
-const ASTRAY: f64 = 1e3;
+/// What is further off than this, m/s^2, is no impact: the filter has diverged.
+const DIVERGED: f64 = 1e3;
 
-/// Weighs down the accelerometer's rows that are more than `deviations` off. `hits_ahead` counts the samples in a row
-/// that were off ahead. Returns what that takes from the normalised innovation squared, which is to tell of impacts
+/// Down-weights the accelerometer's rows that are more than `deviations` off. `forward_hits` counts the samples in a row
+/// that were off forward. Returns by how much that lowers the normalised innovation squared, which is to show impacts
 /// all the same.
-pub(super) fn weigh_down<const N: usize>(
+pub(super) fn downweight<const N: usize>(
     deviations: f64,
-    belief: &Belief<N>,
+    belief: &Gaussian<N>,
     rows: &mut Rows<N, 6>,
-    hits_ahead: &mut u32,
+    forward_hits: &mut u32,
 ) -> f64 {
     let most = deviations * deviations;
-    let (mut taken, mut hit_ahead) = (0.0, false);
-    for row in (AHEAD..6).filter(|&row| rows.used[row]) {
+    let (mut taken, mut forward_hit) = (0.0, false);
+    for row in (ACCEL_X..6).filter(|&row| rows.used[row]) {
         let (square, noise) = (rows.innovation[row] * rows.innovation[row], rows.noise[(row, row)]);
-        if !(square > most * noise && square < ASTRAY * ASTRAY) {
+        if !(square > most * noise && square < DIVERGED * DIVERGED) {
             continue;
         }
         let h = rows.jacobian.row(row);
@@ -36,13 +36,13 @@ pub(super) fn weigh_down<const N: usize>(
         if times <= most {
             continue;
         }
-        hit_ahead |= row == AHEAD;
-        if row == AHEAD && *hits_ahead >= LONGEST {
+        forward_hit |= row == ACCEL_X;
+        if row == ACCEL_X && *forward_hits >= LONGEST {
             continue;
         }
         rows.noise[(row, row)] = square / most - known;
         taken += times - most;
     }
-    *hits_ahead = if hit_ahead { hits_ahead.saturating_add(1) } else { 0 };
+    *forward_hits = if forward_hit { forward_hits.saturating_add(1) } else { 0 };
     taken
 }

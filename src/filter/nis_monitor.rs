@@ -1,4 +1,4 @@
-//! Whether a filter still believes the right thing: its innovations over the last seconds.
+//! Whether the innovations of the last seconds agree with what a filter was given.
 
 use super::bounded;
 use serde::{Deserialize, Serialize};
@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 /// more if the measurements contradict what the filter takes as given, so that its covariance no
 /// longer tells how wrong it is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Strain {
+pub struct NisMonitor {
     average: f64,
-    contradicts: bool,
+    contradicted: bool,
 }
 
 /// Time over which the innovations are averaged, s.
@@ -18,28 +18,29 @@ const TIME: f64 = 2.0;
 const MOST: f64 = 2.0;
 /// Average below which they agree again: what has been bent to fit them is wrong for longer than they show.
 const AGREED: f64 = 1.5;
+/// More than this counts as this: one outlier proves nothing.
+const LARGEST: f64 = 16.0;
 
-impl Default for Strain {
+impl Default for NisMonitor {
     fn default() -> Self {
-        Self { average: 1.0, contradicts: false }
+        Self { average: 1.0, contradicted: false }
     }
 }
 
-impl Strain {
-    /// Takes the normalised innovation squared per channel of a sample that came `dt` seconds after the
-    /// last one. More than `largest` counts as `largest`: one outlier proves nothing.
-    pub fn take(&mut self, nis: f64, largest: f64, dt: f64) {
-        self.average += (1.0 - (-dt / TIME).exp()) * (nis.min(largest) - self.average);
-        self.contradicts = self.average > if self.contradicts { AGREED } else { MOST };
+impl NisMonitor {
+    /// Takes the normalised innovation squared per channel of a sample that came `dt` seconds after the last one.
+    pub fn update(&mut self, nis: f64, dt: f64) {
+        self.average += (1.0 - (-dt / TIME).exp()) * (nis.min(LARGEST) - self.average);
+        self.contradicted = self.average > if self.contradicted { AGREED } else { MOST };
     }
 
     /// Whether the measurements of the last seconds contradict the filter.
-    pub fn contradicts(&self) -> bool {
-        self.contradicts
+    pub fn contradicted(&self) -> bool {
+        self.contradicted
     }
 
-    /// Whether the number can have come from [`take`](Self::take).
-    pub fn is_sound(&self) -> bool {
+    /// Whether the number can have come from [`update`](Self::update).
+    pub fn is_valid(&self) -> bool {
         bounded(self.average) && self.average >= 0.0
     }
 }

@@ -1,0 +1,346 @@
+//! The rules that all estimators share, stated once: start, time steps and gaps, which inputs are samples, what holds
+//! while an input has none, the watch over the innovations, `status` and `healthy`.
+//!
+//! [`Sampled`] wraps a [`Machine`], which knows one model and one filter, and makes an [`Estimator`] of it:
+//!
+//! | what | rule |
+//! |---|---|
+//! | first sample | no time update, whatever `dt` is |
+//! | `dt` not positive or not finite | nothing changes at all; the step returns `bad-step skipped` |
+//! | `dt` beyond [`Rules::longest_gap`] | the machine makes a new start from what it still knows; `bad-step restarted` |
+//! | `measured` input NaN, infinite or out of range | no sample: its channel is left out; `missing`, `infinite`, `implausible` |
+//! | `held` input likewise | the last valid value, 0 before the first; `held-input` |
+//! | force, moment, torque or held input without any valid value so far | `never-set` |
+//! | input that the parameters switch off | no sample, nothing is said unless it is infinite |
+//! | no measured input has a sample | `no-measurement` |
+//! | innovations of the last seconds too large | `contradicted`, not healthy: [`NisMonitor`] |
+//! | nothing usable for [`LONGEST_SILENCE`], or a restart, repair or skipped sample just now | not healthy |
+//! | a stored state with a number that is not finite | is refused and nothing changes |
+
+use super::finite::all_finite;
+use super::{Estimator, StateError};
+use crate::filter::nis_monitor::NisMonitor;
+use crate::{ParameterError, Status, Variables};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+/// Without anything measured that the filter could use for this long the estimates are not healthy, s.
+pub const LONGEST_SILENCE: f64 = 1.0;
+
+crate::variables! {
+    /// What every estimator says about its last sample.
+    #[derive(Copy, Serialize, Deserialize)]
+    pub struct Diagnostics {
+        /// Normalised innovation squared per channel of the last sample, rejected channels included; near 1 if noise and model fit, 0 if nothing was measured.
+        nis: f64 = 0.0, "1", [0.0, f64::INFINITY];
+        /// Number of channels in nis.
+        nis_channels: i32 = 0, "1", [0, 100_000];
+        /// Logarithm of the likelihood of what was measured last; 0 if nothing was.
+        log_likelihood: f64 = 0.0, "1";
+        /// Conditions of the last sample as bits.
+        status: Status = Status::OK, "1";
+        /// Whether the main estimates are usable now: measured within the last second, certain enough, and not contradicted by the measurements of the last seconds.
+        healthy: bool = false, "1";
+    }
+}
+
+/// How much time has passed since the sample before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Elapsed {
+    /// This is the first sample: there is nothing to carry forward.
+    First,
+    /// So many seconds.
+    Step(f64),
+    /// So many seconds, more than the model can bridge.
+    Gap(f64),
+}
+
+impl Elapsed {
+    /// Seconds since the sample before, 0 at the first one.
+    pub fn seconds(self) -> f64 {
+        match self {
+            Self::First => 0.0,
+            Self::Step(dt) | Self::Gap(dt) => dt,
+        }
+    }
+}
+
+/// What a machine says about a sample that it has taken.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outcome {
+    /// Conditions that only the machine knows.
+    pub status: Status,
+    /// Normalised innovation squared, summed over its channels.
+    pub nis: f64,
+    /// Number of these channels, rejected ones included.
+    pub channels: usize,
+    /// Logarithm of the likelihood of the sample.
+    pub log_likelihood: f64,
+    /// Whether anything measured was used.
+    pub used: bool,
+}
+
+/// What the shell must know of a machine.
+#[derive(Clone, Debug)]
+pub struct Rules {
+    /// Time between two samples, s.
+    pub sample_period: f64,
+    /// Longest step that the model bridges, s.
+    pub longest_gap: f64,
+    /// Inputs whose plausible magnitude is a parameter and narrower than their declaration: name and largest value.
+    pub limits: Vec<(&'static str, f64)>,
+    /// Inputs that the parameters switch off.
+    pub unused: Vec<String>,
+}
+
+/// One machine's model and filter, without the rules that all machines share.
+pub trait Machine: Clone + Send {
+    /// Name in camel case, also the FMU's model identifier.
+    const NAME: &'static str;
+    /// What it estimates, in one sentence.
+    const DESCRIPTION: &'static str;
+    /// What is fixed or tuned from outside. Has a variable `sample_period`.
+    type Parameters: Variables + Default;
+    /// What is measured; every input is declared `measured` or `held`.
+    type Inputs: Variables + Default;
+    /// What is estimated.
+    type Outputs: Variables + Default + AsMut<Diagnostics>;
+    /// Everything that a sample changes.
+    type State: Clone + Send + Serialize + DeserializeOwned;
+
+    /// From parameters within their declared ranges: the machine and its state before the first sample.
+    fn new(parameters: &Self::Parameters) -> Result<(Self, Self::State), ParameterError>;
+
+    /// What the shell must know.
+    fn rules(parameters: &Self::Parameters) -> Rules;
+
+    /// Takes one sample: time update over `elapsed`, then measurement update. NaN in a measured input is a missing
+    /// sample; held inputs are always numbers. Never panics, never allocates.
+    fn sample(&mut self, state: &mut Self::State, inputs: &Self::Inputs, elapsed: Elapsed) -> Outcome;
+
+    /// The estimates `horizon >= 0` seconds after the last sample: its posterior, the mean carried forward by the
+    /// model with these inputs held. Leaves the diagnostics alone.
+    fn estimates(&self, state: &Self::State, inputs: &Self::Inputs, horizon: f64, outputs: &mut Self::Outputs);
+
+    /// Whether these estimates are certain and plausible enough to be used.
+    fn usable(&self, state: &Self::State, outputs: &Self::Outputs) -> bool;
+
+    /// Whether a state can have come from this machine; its numbers are finite.
+    fn check(&self, state: &Self::State) -> Result<(), StateError>;
+}
+
+/// What becomes of one input.
+#[derive(Clone, Copy, Debug)]
+struct Channel {
+    low: f64,
+    high: f64,
+    /// Its last valid value holds.
+    held: bool,
+    used: bool,
+    /// Where its last valid value is kept, for those that hold it or must tell that they never had one.
+    slot: Option<usize>,
+}
+
+/// Everything that a step changes.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+pub struct State<S> {
+    /// The machine's part.
+    pub machine: S,
+    started: bool,
+    /// Last valid values of the inputs that are held or must have been set.
+    last: Vec<Option<f64>>,
+    /// Time since anything measured was used, s.
+    silent: f64,
+    monitor: NisMonitor,
+    diagnostics: Diagnostics,
+}
+
+impl<S: Clone> Clone for State<S> {
+    fn clone(&self) -> Self {
+        Self { machine: self.machine.clone(), last: self.last.clone(), ..*self }
+    }
+
+    /// Into memory that is there already.
+    fn clone_from(&mut self, other: &Self) {
+        self.machine.clone_from(&other.machine);
+        self.last.clone_from(&other.last);
+        (self.started, self.silent, self.monitor) = (other.started, other.silent, other.monitor);
+        self.diagnostics = other.diagnostics;
+    }
+}
+
+/// A [`Machine`] under the rules of this [module](self).
+#[derive(Clone, Debug)]
+pub struct Sampled<M: Machine> {
+    machine: M,
+    sample_period: f64,
+    longest_gap: f64,
+    channels: Vec<Channel>,
+    state: State<M::State>,
+}
+
+impl AsMut<Diagnostics> for Diagnostics {
+    fn as_mut(&mut self) -> &mut Diagnostics {
+        self
+    }
+}
+
+impl<M: Machine> Sampled<M> {
+    /// The machine within.
+    pub fn machine(&self) -> &M {
+        &self.machine
+    }
+
+    /// The inputs without what is no sample, and what was wrong with them. `remember` is given the slot of an input
+    /// with its value, if that is valid, and returns its last valid value.
+    fn screen(
+        channels: &[Channel],
+        inputs: &M::Inputs,
+        mut remember: impl FnMut(usize, Option<f64>) -> Option<f64>,
+    ) -> (M::Inputs, Status) {
+        let (mut status, mut measured) = (Status::OK, false);
+        let mut screened = inputs.clone();
+        let mut channels = channels.iter();
+        screened.map(&mut |value| {
+            let Some(channel) = channels.next() else { return value };
+            if value >= channel.low && value <= channel.high && channel.used {
+                if let Some(slot) = channel.slot {
+                    remember(slot, Some(value));
+                }
+                measured |= !channel.held;
+                return value;
+            }
+            status.raise_if(value.is_infinite(), Status::INFINITE);
+            if !channel.used {
+                return f64::NAN;
+            }
+            status.raise_if(value.is_finite(), Status::IMPLAUSIBLE);
+            let known = channel.slot.and_then(|slot| remember(slot, None));
+            status.raise_if(channel.slot.is_some() && known.is_none(), Status::NEVER_SET);
+            if channel.held {
+                status.raise_if(known.is_some(), Status::HELD_INPUT);
+                known.unwrap_or(0.0)
+            } else {
+                status.raise_if(value.is_nan(), Status::MISSING);
+                f64::NAN
+            }
+        });
+        status.raise_if(!measured, Status::NO_MEASUREMENT);
+        (screened, status)
+    }
+}
+
+/// How each declared input is screened.
+fn channels<I: Variables>(rules: &Rules) -> Vec<Channel> {
+    let mut slots = 0..I::COUNT;
+    I::declare()
+        .into_iter()
+        .map(|input| {
+            let (low, high) = rules
+                .limits
+                .iter()
+                .find(|(name, _)| *name == input.name)
+                .map_or(input.range, |(_, limit)| (-limit, *limit));
+            let used = !rules.unused.contains(&input.name);
+            let acts = matches!(input.unit, "N" | "N.m");
+            let slot = if used && (input.held || acts) { slots.next() } else { None };
+            Channel { low, high, held: input.held, used, slot }
+        })
+        .collect()
+}
+
+impl<M: Machine> Estimator for Sampled<M> {
+    const NAME: &'static str = M::NAME;
+    const DESCRIPTION: &'static str = M::DESCRIPTION;
+    type Parameters = M::Parameters;
+    type Inputs = M::Inputs;
+    type Outputs = M::Outputs;
+    type State = State<M::State>;
+
+    fn new(parameters: &M::Parameters) -> Result<Self, ParameterError> {
+        parameters.validate()?;
+        let (machine, state) = M::new(parameters)?;
+        let rules = M::rules(parameters);
+        let channels = channels::<M::Inputs>(&rules);
+        let state = State {
+            machine: state,
+            started: false,
+            last: vec![None; channels.iter().filter(|channel| channel.slot.is_some()).count()],
+            silent: 0.0,
+            monitor: NisMonitor::default(),
+            diagnostics: Diagnostics::default(),
+        };
+        let Rules { sample_period, longest_gap, .. } = rules;
+        Ok(Self { machine, sample_period, longest_gap, channels, state })
+    }
+
+    fn sample_period(&self) -> f64 {
+        self.sample_period
+    }
+
+    fn step(&mut self, inputs: &M::Inputs, dt: f64) -> Status {
+        if self.state.started && !(dt > 0.0 && dt.is_finite()) {
+            return Status::BAD_STEP | Status::SKIPPED;
+        }
+        let last = &mut self.state.last;
+        let (screened, mut status) = Self::screen(&self.channels, inputs, |slot, value| {
+            last[slot] = value.or(last[slot]);
+            last[slot]
+        });
+        let elapsed = match self.state.started {
+            false => Elapsed::First,
+            true if dt > self.longest_gap => Elapsed::Gap(dt),
+            true => Elapsed::Step(dt),
+        };
+        status.raise_if(matches!(elapsed, Elapsed::Gap(_)), Status::BAD_STEP | Status::RESTARTED);
+        let outcome = self.machine.sample(&mut self.state.machine, &screened, elapsed);
+        status |= outcome.status;
+
+        let state = &mut self.state;
+        state.started = true;
+        state.silent = if outcome.used { 0.0 } else { (state.silent + elapsed.seconds()).min(1e9) };
+        let nis = if outcome.channels > 0 { (outcome.nis / outcome.channels as f64).min(f64::MAX) } else { 0.0 };
+        if outcome.channels > 0 {
+            state.monitor.update(nis, elapsed.seconds());
+        }
+        status.raise_if(state.monitor.contradicted(), Status::CONTRADICTED);
+        state.diagnostics = Diagnostics {
+            nis,
+            nis_channels: outcome.channels as i32,
+            log_likelihood: outcome.log_likelihood.clamp(f64::MIN, f64::MAX),
+            status,
+            healthy: false,
+        };
+        status
+    }
+
+    fn outputs(&self, inputs: &M::Inputs, horizon: f64, outputs: &mut M::Outputs) {
+        let state = &self.state;
+        // NaN is no horizon either.
+        let horizon = if state.started && horizon > 0.0 { horizon.min(self.longest_gap) } else { 0.0 };
+        let (screened, _) = Self::screen(&self.channels, inputs, |slot, value| value.or(state.last[slot]));
+        self.machine.estimates(&state.machine, &screened, horizon, outputs);
+        let disturbed = Status::RESTARTED | Status::RECOVERED | Status::BAD_STEP | Status::SKIPPED;
+        let healthy = state.started
+            && state.silent <= LONGEST_SILENCE
+            && !state.monitor.contradicted()
+            && !state.diagnostics.status.intersects(disturbed)
+            && self.machine.usable(&state.machine, outputs);
+        *outputs.as_mut() = Diagnostics { healthy, ..state.diagnostics };
+    }
+
+    fn state(&self) -> &Self::State {
+        &self.state
+    }
+
+    fn restore(&mut self, state: &Self::State) -> Result<(), StateError> {
+        if !all_finite(state) {
+            return Err(StateError("it holds a number that is not finite"));
+        }
+        if state.last.len() != self.state.last.len() || !state.monitor.is_valid() {
+            return Err(StateError("it is of an estimator with other inputs"));
+        }
+        self.machine.check(&state.machine)?;
+        self.state.clone_from(state);
+        Ok(())
+    }
+}
