@@ -2,7 +2,9 @@
 
 mod allocation;
 mod filterpy;
+mod inputs;
 mod model;
 mod plant;
+mod runs;
 mod supervision;
 mod vectors;

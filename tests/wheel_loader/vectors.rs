@@ -1,5 +1,6 @@
 //! The loader's filters, sample by sample, against reference vectors.
 
+use super::runs;
 use crate::support::{Table, assert_close, vector_table};
 use wheelstate::Estimator;
 use wheelstate::estimator::wheel_loader::*;
@@ -190,5 +191,33 @@ fn plant_logs_replay() {
         }
         println!("{file}: largest relative difference {worst:.1e}, lambda at the end {:.4}", out.cg_ratio);
         assert!((out.cg_ratio - lambda).abs() < 0.02 && out.cg_height_std > 0.0);
+    }
+}
+
+#[test]
+fn array_and_andrews_agree_at_every_step() {
+    for file in ["plantlog_bumpy_C", "plantlog_accbrake_A"] {
+        let table = vector_table(&format!("wheel_loader/{file}.csv"));
+        let mut p = Parameters::default();
+        let mut array = runs::begun(&p);
+        p.filter.form = Form::Andrews;
+        let mut andrews = runs::begun(&p);
+        for row in &table.rows {
+            let inputs = Inputs {
+                torque_front: row[1],
+                torque_rear: row[2],
+                slope: row[5],
+                spading_force_x: row[6],
+                spading_force_z: row[7],
+                speed: row[8],
+                wheel_speed_front: row[9],
+                wheel_speed_rear: row[10],
+                ..Inputs::default()
+            };
+            array.step(&inputs, 0.01);
+            andrews.step(&inputs, 0.01);
+            let (a, b) = (array.state().belief(), andrews.state().belief());
+            assert!((a.mean - b.mean).amax() < 1e-9 && (a.factor - b.factor).amax() < 1e-9);
+        }
     }
 }
