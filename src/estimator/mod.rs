@@ -8,6 +8,7 @@ mod finite;
 pub mod human_dynamics;
 pub mod nursing_robot;
 pub mod sampled;
+pub mod standstill;
 pub mod wheel_loader;
 pub mod wheelchair;
 pub mod wheeled_robot;

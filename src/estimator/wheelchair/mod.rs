@@ -27,7 +27,7 @@ mod forms;
 mod outliers;
 mod parameters;
 mod report;
-mod standstill;
+mod rest;
 mod variables;
 mod wheels;
 
@@ -38,6 +38,7 @@ pub use parameters::{
 };
 pub use variables::{Inputs, Outputs};
 
+use crate::estimator::standstill::Standstill;
 use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::ekf::NotPositiveDefinite;
 use crate::filter::gaussian::Gaussian;
@@ -45,8 +46,8 @@ use crate::model::wheelchair::{self as model, Chair, Command, biased_gravity, gr
 use crate::{ParameterError, Status};
 use ekf::{ChairEkf, Drive};
 use nalgebra::SVector;
+use rest::{Bands, Rest, Signs};
 use serde::{Deserialize, Serialize};
-use standstill::{Bands, Signs, Standstill};
 use std::f64::consts::FRAC_PI_2;
 use wheels::Wheels;
 
@@ -75,6 +76,7 @@ pub struct State {
     accel_x: Option<f64>,
     rejections: [u32; 6],
     wheels: Wheels,
+    rest: Rest,
     standstill: Standstill,
 }
 
@@ -218,6 +220,7 @@ impl Machine for ChairMachine {
             accel_x: None,
             rejections: [0; 6],
             wheels: Wheels::default(),
+            rest: Rest::default(),
             standstill: Standstill::default(),
         };
         let bands = &parameters.standstill;
@@ -226,7 +229,6 @@ impl Machine for ChairMachine {
             biased: ChairEkf { chair, noise, limits, gate, form: Biased { mover } },
             gravity: ChairEkf { chair, noise, limits, gate, form: GravityVector },
             bands: Bands {
-                time: bands.time,
                 distance: bands.distance_band,
                 heading: bands.heading_band,
                 gyro: bands.gyro_band,
@@ -281,7 +283,8 @@ impl Machine for ChairMachine {
         let still = self.parameters.filter.detect_standstill && {
             let signs =
                 Signs { distance: sample.values[0], heading: sample.values[1], gyro, accel: [accel[0], accel[1]] };
-            state.standstill.update(&self.bands, &signs, dt)
+            let quiet = state.rest.watch(&self.bands, &signs);
+            state.standstill.update(quiet, self.parameters.standstill.time, dt)
         };
         status.raise_if(still, Status::STANDSTILL);
         if was_still && !still {
