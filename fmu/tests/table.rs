@@ -2,11 +2,13 @@
 
 use crate::support::Lag;
 use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 use wheelstate::variable::Kind;
 use wheelstate::{Status, unit};
 use wheelstate_fmu::describe::{guid, xml};
 use wheelstate_fmu::instance::Instance;
 use wheelstate_fmu::model::{Model, Place, Type, models};
+use wheelstate_fmu::pack::picture;
 
 fn all() -> Vec<Model> {
     let mut list = models(&|_| true);
@@ -76,6 +78,34 @@ fn an_infinite_sample_is_said_to_be_one() {
             assert_ne!(status as u32 & Status::INFINITE.bits(), 0, "{} {}: {status}", model.name, input.name);
         }
     }
+}
+
+#[test]
+fn no_source_of_the_fmu_names_a_machine() {
+    fn sources(folder: &Path, list: &mut Vec<PathBuf>) {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() { sources(&path, list) } else { list.push(path) }
+        }
+    }
+    let mut files = Vec::new();
+    sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), &mut files);
+    assert!(files.len() > 20);
+    for file in files {
+        let text = std::fs::read_to_string(&file).unwrap().to_lowercase();
+        for model in models(&|_| true) {
+            for name in [model.name.to_lowercase(), model.command_name(), model.command_name().replace('-', "_")] {
+                assert!(!text.contains(&name), "{} names {name}", file.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn every_machine_has_its_picture_and_one_that_has_none_gets_no_other() {
+    let pictures: BTreeSet<_> = models(&|_| true).iter().map(|model| picture(model).expect(model.name)).collect();
+    assert_eq!(pictures.len(), models(&|_| true).len());
+    assert!(picture(&Model::of::<Lag>()).is_none());
 }
 
 #[test]

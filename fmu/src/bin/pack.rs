@@ -11,9 +11,11 @@ use wheelstate_fmu::pack::{self, PackError};
 const EXAMPLES: &str = "\
 Examples:
   pack                                         all models into the current directory
-  pack nursing-robot --params fit.json         identified values become start values
-  pack NursingRobot --set robot.mass=1195 --out out
+  pack MODEL --params fit.json                 identified values become start values
+  pack MODEL --set sample_period=0.02 --out out
   pack all --targets win64=wheelstate_fmu.dll  with a second platform
+
+An unknown MODEL is answered with the list of models.
 
 Exit codes: 0 done, 1 done with warnings (a value of the fit was not taken over), 2 refused.";
 
@@ -21,7 +23,7 @@ Exit codes: 0 done, 1 done with warnings (a value of the fit was not taken over)
 #[derive(Parser)]
 #[command(name = "pack", version, after_help = EXAMPLES)]
 struct Arguments {
-    /// Models, as nursing-robot or NursingRobot, or all [default: the vehicle of the fit, else all]
+    /// Models, spelt as the FMU or as the vehicle of `identify`, or all [default: the vehicle of the fit, else all]
     #[arg(value_name = "MODEL")]
     models: Vec<String>,
     /// Result of `identify fit` or `identify tune`; its identified values become start values

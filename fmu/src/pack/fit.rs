@@ -149,7 +149,7 @@ fn show(kind: Kind, value: f64) -> String {
 /// Reads `name=value` as a start value: a number, `true`, `false` or one of the choices.
 pub fn setting(model: &Model, text: &str) -> Result<(usize, f64), PackError> {
     let Some((name, word)) = text.split_once('=').map(|(name, word)| (name.trim(), word.trim())) else {
-        return Err(PackError(format!("'{text}': name=value is expected, as in robot.mass=165")));
+        return Err(PackError(format!("'{text}': name=value is expected, as in sample_period=0.02")));
     };
     let Some((index, variable)) = model.parameter(name) else {
         return Err(PackError(format!("{} has no parameter '{name}'", model.name)));

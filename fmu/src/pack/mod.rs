@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 #[error("{0}")]
 pub struct PackError(pub String);
 
-/// The model of this name, spelt as the FMU (`NursingRobot`) or as on the command line (`nursing-robot`).
+/// The model of this name, spelt as the FMU (in camel case) or as on the command line (in lower case with dashes).
 pub fn model(name: &str) -> Result<Model, PackError> {
     let plain = |text: &str| text.to_lowercase().replace(['-', '_'], "");
     models(&|known| plain(known) == plain(name)).pop().ok_or_else(|| {
@@ -24,26 +24,24 @@ pub fn model(name: &str) -> Result<Model, PackError> {
     })
 }
 
-/// The picture that tools show for a model.
-fn picture(name: &str) -> &'static [u8] {
-    match name {
-        "NursingRobot" => include_bytes!("../../assets/NursingRobot.png"),
-        "WheeledRobot" => include_bytes!("../../assets/WheeledRobot.png"),
-        "WheelLoader" => include_bytes!("../../assets/WheelLoader.png"),
-        "HumanDynamics" => include_bytes!("../../assets/HumanDynamics.png"),
-        // also for a model that has none of its own yet
-        _ => include_bytes!("../../assets/Wheelchair.png"),
-    }
+/// Every picture with the name of its model.
+const PICTURES: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/pictures.rs"));
+
+/// The picture that tools show for a model; a model without one is shown as the tool likes.
+pub fn picture(model: &Model) -> Option<&'static [u8]> {
+    PICTURES.iter().find(|(name, _)| *name == model.name).map(|(_, picture)| *picture)
 }
 
 /// Writes `<out>/<Model>.fmu` and gives its path. The archive appears whole or not at all.
 pub fn write(model: &Model, libraries: &[Library], out: &Path) -> Result<PathBuf, PackError> {
     let mut files = vec![
         ("modelDescription.xml".to_owned(), describe::xml(model).into_bytes(), false),
-        ("model.png".to_owned(), picture(model.name).to_vec(), false),
         ("documentation/index.html".to_owned(), page::html(model).into_bytes(), false),
         (format!("resources/{}.ssv", model.name), ssv::text(model).into_bytes(), false),
     ];
+    if let Some(picture) = picture(model) {
+        files.push(("model.png".to_owned(), picture.to_vec(), false));
+    }
     for (name, text) in [
         ("license.txt", include_str!("../../assets/license.txt")),
         ("LICENSE-MIT.txt", include_str!("../../../LICENSE-MIT")),

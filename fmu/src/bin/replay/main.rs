@@ -17,9 +17,9 @@ use wheelstate_log::{ColumnMap, Log, guard};
 
 const EXAMPLES: &str = "\
 Examples:
-  replay NursingRobot.fmu ride.csv --out result.csv
-  replay NursingRobot.fmu trip.csv --columns car.toml --set robot.mass=1195 --set mass.law=fixed
-  replay Wheelchair.fmu run.mf4 --out result.parquet
+  replay MODEL.fmu ride.csv --out result.csv
+  replay MODEL.fmu trip.csv --columns car.toml --set sample_period=0.1
+  replay MODEL.fmu run.mf4 --out result.parquet
 
 Logs are CSV, Parquet or MDF4 (.csv, .parquet, .mf4): a column time in s, the others named as the
 FMU's inputs; empty or nan is a missing sample. The result's format follows its ending, too. Every row's inputs hold from its time to that of the next. The result has the outputs at the

@@ -136,7 +136,7 @@ fn inputs<'a>(entries: &'a [Entry], log: &Log) -> Vec<(&'a Entry, usize)> {
 fn setting<'a>(entries: &'a [Entry], known: Option<&Model>, text: &str) -> Result<(&'a Entry, f64), String> {
     let parts = text.split_once('=').map(|(name, word)| (name.trim(), word.trim()));
     let Some((name, word)) = parts.filter(|(name, word)| !name.is_empty() && !word.is_empty()) else {
-        return Err(format!("--set {text}: name=value is expected, as in robot.mass=165"));
+        return Err(format!("--set {text}: name=value is expected, as in sample_period=0.02"));
     };
     let settable = |entry: &&Entry| matches!(entry.causality, Causality::Parameter | Causality::Input);
     let Some(entry) = entries.iter().filter(settable).find(|entry| entry.name == name) else {
