@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+/// Samples that one step may take: enough for a quarter of an hour at 100 Hz, and a host never waits long for it.
+pub const MOST_SAMPLES: f64 = 1e5;
+
 /// Sample instants are `start + k * period`, counted by an integer so that they never drift.
 ///
 /// The master's communication point is the truth. A master that adds up `t += h` gathers rounding
@@ -76,9 +79,15 @@ impl Clock {
         if (ahead - period).abs() <= self.margin(period) { period } else { ahead }
     }
 
-    /// Whether all numbers are such as a clock can have.
-    pub fn is_sound(&self) -> bool {
-        [self.start, self.now, self.elapsed, self.rounding, self.begun].iter().all(|number| number.is_finite())
+    /// Whether the numbers are such as a clock can have that takes a sample every `period`.
+    pub fn is_sound(&self, period: f64) -> bool {
+        let numbers = [self.start, self.now, self.elapsed, self.rounding, self.begun];
+        let near = |time: f64, other: f64| (time - other).abs() <= self.tolerance(period) + period;
+        numbers.iter().all(|number| number.is_finite())
+            && self.elapsed >= -period
+            && near(self.now, self.start + self.elapsed)
+            && near(self.samples as f64 * period, self.elapsed)
+            && self.rounding.abs() <= period
     }
 
     fn margin(&self, period: f64) -> f64 {
@@ -153,6 +162,24 @@ mod tests {
     fn a_minute_step_still_takes_the_sample_it_begins_with() {
         let mut clock = Clock::new(0.0);
         assert_eq!(clock.advance(0.0, 1e-12, 0.01), 1);
+    }
+
+    #[test]
+    fn a_clock_that_ran_is_sound_and_an_impossible_one_is_not() {
+        for start in [0.0, -3.0, 1.7e9] {
+            let (clock, _) = run(start, 0.01, (0..1000).map(|i| (start + i as f64 * 0.0173, 0.0173)));
+            assert!(clock.is_sound(0.01) && Clock::new(start).is_sound(0.01));
+            for wrong in [
+                Clock { elapsed: 1e5, ..clock },
+                Clock { samples: -1_000_000_000_000, ..clock },
+                Clock { samples: i64::MAX, ..clock },
+                Clock { now: start + 1e4, ..clock },
+                Clock { start: f64::NAN, ..clock },
+                Clock { rounding: -1e9, ..clock },
+            ] {
+                assert!(!wrong.is_sound(0.01), "{wrong:?}");
+            }
+        }
     }
 
     #[test]

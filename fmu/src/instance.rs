@@ -2,15 +2,14 @@
 //!
 //! A refused call changes nothing; its [`Refusal`] says what was wrong and what would be allowed.
 
-use crate::clock::Clock;
+use crate::clock::{Clock, MOST_SAMPLES};
 use crate::machine::Machine;
-use crate::model::{Model, Place, Type, check_parameter, from_fmi, to_fmi};
+use crate::model::{Model, Place, Type, check_parameter, from_fmi, shown_start, to_fmi};
 use crate::phase::{Call, Phase};
 use crate::refusal::{Answer, Level, Refusal};
+use crate::screen::Screen;
 use crate::snapshot::{Core, Snapshots};
-
-/// Samples of one step beyond which its size is surely a mistake and the host would seem to hang.
-const MOST_SAMPLES: f64 = 1e9;
+use wheelstate::Status;
 
 /// One instance.
 pub struct Instance {
@@ -21,6 +20,9 @@ pub struct Instance {
     period: f64,
     /// The machine has outputs that are not yet among the values.
     unread: bool,
+    /// Room for outputs.
+    fresh: Vec<f64>,
+    screen: Screen,
     /// The states that the host holds.
     snapshots: Snapshots,
 }
@@ -37,12 +39,16 @@ impl Instance {
             slopes: vec![0.0; inputs.len()],
             sloped: false,
             held: inputs.clone(),
+            given: vec![false; inputs.len()],
             inputs,
             outputs: Model::starts(&model.outputs),
             stale: true,
         };
         let machine = model.machine();
-        Self { model, guid: guid.into(), core, machine, period: 0.0, unread: false, snapshots: Snapshots::default() }
+        let mut screen = Screen::default();
+        screen.update(&model, &core.parameters);
+        let (fresh, snapshots) = (core.outputs.clone(), Snapshots::default());
+        Self { model, guid: guid.into(), core, machine, period: 0.0, unread: false, fresh, screen, snapshots }
     }
 
     /// The model.
@@ -141,17 +147,32 @@ impl Instance {
             self.machine.build(&self.core.parameters).map_err(|error| Refusal::error(error.to_string()))?;
             self.period = self.machine.sample_period();
             self.core.stale = false;
-            self.machine.hold(&self.core.inputs);
+            self.hold(0.0);
             self.machine.predict(0.0);
-            self.machine.outputs(&mut self.core.outputs);
+            self.unread = true;
+            self.settle();
         }
         Ok(())
+    }
+
+    /// Hands the machine the inputs as they are `after` seconds from the beginning of the step.
+    fn hold(&mut self, after: f64) {
+        let core = &mut self.core;
+        if !core.sloped && !self.screen.is_active() {
+            return self.machine.hold(&core.inputs);
+        }
+        for ((held, input), slope) in core.held.iter_mut().zip(&core.inputs).zip(&core.slopes) {
+            *held = input + slope * after;
+        }
+        self.screen.apply(&self.model, &core.inputs, &mut core.held);
+        self.machine.hold(&core.held);
     }
 
     /// Brings the values of the outputs up to date; a step alone leaves that to the first reader.
     fn settle(&mut self) {
         if self.unread {
-            self.machine.outputs(&mut self.core.outputs);
+            self.machine.outputs(&mut self.fresh);
+            keep_finite(&self.model, &mut self.core.outputs, &self.fresh);
             self.unread = false;
         }
     }
@@ -169,12 +190,8 @@ impl Instance {
         }
         self.settle();
         for (i, &reference) in references.iter().enumerate() {
-            let (declared, values, index) = match self.locate(reference)? {
-                Place::Time if class == Type::Real => {
-                    put(i, self.core.clock.now());
-                    continue;
-                }
-                Place::Time => return Err(wrong_type("time", Type::Real, class)),
+            let place = self.locate(reference)?;
+            let (declared, values, index) = match place {
                 Place::Parameter(index) => (&self.model.parameters, &self.core.parameters, index),
                 Place::Input(index) => (&self.model.inputs, &self.core.inputs, index),
                 Place::Output(index) => (&self.model.outputs, &self.core.outputs, index),
@@ -183,7 +200,9 @@ impl Instance {
             if Type::of(variable.kind) != class {
                 return Err(wrong_type(&variable.name, Type::of(variable.kind), class));
             }
-            put(i, to_fmi(variable.kind, values[index]));
+            let unset = matches!(place, Place::Input(index) if !self.core.given[index]);
+            let value = if unset { shown_start(variable) } else { values[index] };
+            put(i, to_fmi(variable.kind, value));
         }
         Ok(())
     }
@@ -193,7 +212,6 @@ impl Instance {
         let mut retune = false;
         for (i, &reference) in references.iter().enumerate() {
             match self.locate(reference)? {
-                Place::Time => return Err(Refusal::error("time has causality independent and cannot be set")),
                 Place::Output(index) => {
                     let name = &self.model.outputs[index].name;
                     return Err(Refusal::error(format!("{name} has causality output and cannot be set")));
@@ -213,6 +231,7 @@ impl Instance {
                 }
                 Some(Place::Input(index)) => {
                     self.core.inputs[index] = from_fmi(self.model.inputs[index].kind, value(i));
+                    self.core.given[index] = true;
                     self.core.slopes[index] = 0.0;
                 }
                 _ => {}
@@ -226,6 +245,9 @@ impl Instance {
                 }
             }
             None => self.core.stale |= retune,
+        }
+        if retune {
+            self.screen.update(&self.model, &self.core.parameters);
         }
         Ok(())
     }
@@ -243,7 +265,7 @@ impl Instance {
         check_parameter(variable, from_fmi(variable.kind, value)).map_err(Refusal::error)
     }
 
-    /// Measured inputs take any number, for the estimator judges each sample; others must be finite.
+    /// Inputs that may be missing take any number, for the estimator judges each sample; others must be finite.
     fn check_input(&self, class: Type, index: usize, value: f64) -> Answer<()> {
         let variable = &self.model.inputs[index];
         match Type::of(variable.kind) {
@@ -273,13 +295,14 @@ impl Instance {
                     "input derivative of order {order} for {name}; only order 1 is used"
                 )));
             }
-            if !value.is_finite() {
+            if !value.is_finite() && !self.model.inputs[index].may_be_missing() {
                 return Err(Refusal::error(format!("input derivative {value} for {name} is not finite")));
             }
             indices.push(index);
         }
         for (index, &value) in indices.into_iter().zip(values) {
-            self.core.slopes[index] = value;
+            // the difference to or from a sample that is missing says nothing
+            self.core.slopes[index] = if value.is_finite() { value } else { 0.0 };
             self.core.sloped = true;
         }
         Ok(())
@@ -314,7 +337,8 @@ impl Instance {
         self.machine.outputs(&mut high);
         for (&reference, value) in references.iter().zip(values) {
             if let Some(Place::Output(index)) = self.model.place(reference) {
-                *value = (high[index] - low[index]) / (late - early);
+                let rate = (high[index] - low[index]) / (late - early);
+                *value = if rate.is_finite() { rate } else { 0.0 };
             }
         }
         Ok(())
@@ -322,7 +346,6 @@ impl Instance {
 
     fn name(&self, reference: u32) -> Answer<&str> {
         Ok(match self.locate(reference)? {
-            Place::Time => "time",
             Place::Parameter(index) => &self.model.parameters[index].name,
             Place::Input(index) => &self.model.inputs[index].name,
             Place::Output(index) => &self.model.outputs[index].name,
@@ -333,26 +356,17 @@ impl Instance {
     /// the end.
     pub fn do_step(&mut self, point: f64, size: f64) -> Answer<()> {
         self.check_step(point, size)?;
-        let core = &mut self.core;
-        let until = core.clock.advance(point, size, self.period);
-        if core.clock.samples() < until {
-            self.machine.hold(&core.inputs);
-        }
-        while core.clock.samples() < until {
-            let after = core.clock.tick(self.period);
-            if core.sloped {
-                for ((held, input), slope) in core.held.iter_mut().zip(&core.inputs).zip(&core.slopes) {
-                    *held = input + slope * after;
-                }
-                self.machine.hold(&core.held);
-            }
+        let until = self.core.clock.advance(point, size, self.period);
+        while self.core.clock.samples() < until {
+            let after = self.core.clock.tick(self.period);
+            self.hold(after);
             self.machine.step();
         }
-        if core.sloped {
-            core.slopes.fill(0.0);
-            core.sloped = false;
+        if self.core.sloped {
+            self.core.slopes.fill(0.0);
+            self.core.sloped = false;
         }
-        self.machine.predict(core.clock.ahead(self.period));
+        self.machine.predict(self.core.clock.ahead(self.period));
         self.unread = true;
         Ok(())
     }
@@ -383,6 +397,7 @@ impl Instance {
         self.core.clone_from(core);
         self.unread = false;
         self.machine.hold(&core.held);
+        self.screen.update(&self.model, &self.core.parameters);
         Ok(())
     }
 
@@ -408,7 +423,10 @@ impl Instance {
             return Err(Refusal::error(format!("communicationStepSize = {size} s must be positive and finite")));
         }
         if size > MOST_SAMPLES * self.period {
-            let text = format!("communicationStepSize = {size} s would take more than {MOST_SAMPLES:e} samples");
+            let (most, period) = (MOST_SAMPLES * self.period, self.period);
+            let text = format!(
+                "communicationStepSize = {size} s would take more than {MOST_SAMPLES} samples of {period} s; allowed: at most {most} s"
+            );
             return Err(Refusal::error(text));
         }
         if point == now && self.core.stop.is_none() {
@@ -426,6 +444,28 @@ impl Instance {
             return Err(Refusal::error(text));
         }
         Ok(())
+    }
+}
+
+/// Takes over outputs. An estimator gives finite numbers only; should it ever not, the last value stands, `healthy` is
+/// false and `status` says that numbers were repaired.
+fn keep_finite(model: &Model, outputs: &mut [f64], fresh: &[f64]) {
+    let mut sound = true;
+    for (output, &value) in outputs.iter_mut().zip(fresh) {
+        if value.is_finite() {
+            *output = value;
+        } else {
+            sound = false;
+        }
+    }
+    if !sound {
+        for (variable, output) in model.outputs.iter().zip(outputs) {
+            match variable.name.as_str() {
+                "healthy" => *output = 0.0,
+                "status" => *output = f64::from(*output as u32 | Status::RECOVERED.bits()),
+                _ => {}
+            }
+        }
     }
 }
 

@@ -9,7 +9,7 @@
 //! ```
 //!
 //! [`instance`] is what the functions of the standard do; [`snapshot`] copies and serialises its state, `clock` tells
-//! which samples fall into a step, [`phase`] which call is allowed when. Every module uses only those to its right.
+//! which samples fall into a step, `screen` which of them the host takes away, [`phase`] which call is allowed when. Every module uses only those to its right.
 //!
 //! One shared library serves every model: the GUID given to `fmi2Instantiate` tells which. All code
 //! here works on declared [`Variables`](wheelstate::Variables) and knows no vehicle; a new estimator
@@ -28,4 +28,5 @@ pub mod model;
 pub mod pack;
 pub mod phase;
 pub mod refusal;
+mod screen;
 pub mod snapshot;

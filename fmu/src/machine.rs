@@ -7,7 +7,8 @@ use wheelstate::{Estimator, ParameterError, Variables};
 /// The state of an estimator whose type is forgotten.
 pub type Saved = Box<dyn Any + Send>;
 
-/// An estimator as the FMU sees it. Slices are in the order of the declarations.
+/// An estimator as the FMU sees it. Slices are in the order of the declarations; after its own parameters there may
+/// stand others, which it leaves alone.
 pub trait Machine: Send {
     /// Starts anew with these parameters.
     fn build(&mut self, parameters: &[f64]) -> Result<(), ParameterError>;
@@ -53,7 +54,7 @@ const GARBLED: StateError = StateError("its bytes are no state of this model");
 
 fn parameters<E: Estimator>(flat: &[f64]) -> E::Parameters {
     let mut parameters = E::Parameters::default();
-    parameters.read(flat);
+    parameters.read(&flat[..E::Parameters::COUNT]);
     parameters
 }
 

@@ -1,7 +1,8 @@
 //! One model: its declared variables, their value references and their start values.
 //!
-//! Value references: `0` is the time, `10000 + i` the parameters, `20000 + i` the inputs and
-//! `30000 + i` the outputs, `i` counting in the order of declaration from 0.
+//! Value references: `10000 + i` are the parameters, `20000 + i` the inputs and `30000 + i` the
+//! outputs, `i` counting in the order of declaration from 0. After the parameters of the estimator
+//! stand those that every FMU has for its host: [`missing_value`](NO_VALUE) and a switch per sensor.
 
 use crate::machine::{Machine, Typed};
 use wheelstate::estimator::{Visitor, visit_all};
@@ -14,8 +15,6 @@ const GROUP: u32 = 10_000;
 /// Where the value of a value reference lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// The simulation time.
-    Time,
     /// Parameter number.
     Parameter(usize),
     /// Input number.
@@ -28,7 +27,6 @@ impl Place {
     /// The value reference of this place.
     pub fn reference(self) -> u32 {
         let (group, index) = match self {
-            Self::Time => (0, 0),
             Self::Parameter(index) => (1, index),
             Self::Input(index) => (2, index),
             Self::Output(index) => (3, index),
@@ -82,18 +80,62 @@ pub struct Model {
     pub inputs: Vec<Variable>,
     /// Outputs.
     pub outputs: Vec<Variable>,
+    /// Number of the parameter `missing_value`; those before it are the estimator's own.
+    pub(crate) missing_value: usize,
+    /// Parameter and input of each switch `use.<input>`.
+    pub(crate) switches: Vec<(usize, usize)>,
     machine: fn() -> Box<dyn Machine>,
+}
+
+/// The start of `missing_value`: no number means "no sample".
+pub const NO_VALUE: f64 = 1e300;
+
+/// The start value as the XML states it. What begins as NaN, missing until the host sets it, is shown as 0 or the
+/// number of its range nearest to that: FMI 2.0 knows finite starts only.
+pub fn shown_start(variable: &Variable) -> f64 {
+    let (low, high) = variable.range;
+    if variable.start.is_nan() { 0.0_f64.clamp(low, high) } else { variable.start }
+}
+
+/// What every FMU adds for its host to the parameters of its estimator, with the inputs that the switches belong to.
+/// A model that declares switches of its own, `use.<sensor>`, gets no others.
+fn host_parameters(own: &[Variable], inputs: &[Variable]) -> (Vec<Variable>, Vec<usize>) {
+    let parameter = |name: String, description: &str, kind, start, range| Variable {
+        start,
+        tunable: true,
+        ..Variable::new(name, description, "1", kind, range)
+    };
+    let about = "Number that means \"no sample\" in an input that may be missing, for hosts that know no NaN; 1e300: none does.";
+    let any = (f64::NEG_INFINITY, f64::INFINITY);
+    let mut list = vec![parameter("missing_value".to_owned(), about, Kind::Real, NO_VALUE, any)];
+    let mut switched = Vec::new();
+    if !own.iter().any(|variable| variable.name.starts_with("use.")) {
+        for (index, input) in inputs.iter().enumerate().filter(|(_, input)| input.may_be_missing()) {
+            let name = &input.name;
+            let about = format!("Whether samples of {name} are used; if not, it is missing whatever the host sets.");
+            list.push(parameter(format!("use.{name}"), &about, Kind::Boolean, 1.0, (0.0, 1.0)));
+            switched.push(index);
+        }
+    }
+    (list, switched)
 }
 
 impl Model {
     /// The model of an estimator.
     pub fn of<E: Estimator + 'static>() -> Self {
+        let (mut parameters, inputs) = (E::Parameters::declare(), E::Inputs::declare());
+        let (more, switched) = host_parameters(&parameters, &inputs);
+        let missing_value = parameters.len();
+        parameters.extend(more);
+        let switches = (missing_value + 1..).zip(switched).collect();
         Self {
             name: E::NAME,
             description: E::DESCRIPTION,
-            parameters: E::Parameters::declare(),
-            inputs: E::Inputs::declare(),
+            parameters,
+            inputs,
             outputs: E::Outputs::declare(),
+            missing_value,
+            switches,
             machine: || Box::new(Typed::<E>::default()),
         }
     }
@@ -107,7 +149,6 @@ impl Model {
     pub fn place(&self, reference: u32) -> Option<Place> {
         let index = (reference % GROUP) as usize;
         match reference / GROUP {
-            0 if index == 0 => Some(Place::Time),
             1 if index < self.parameters.len() => Some(Place::Parameter(index)),
             2 if index < self.inputs.len() => Some(Place::Input(index)),
             3 if index < self.outputs.len() => Some(Place::Output(index)),
@@ -141,7 +182,12 @@ impl Model {
 
     /// Default time between two samples, s.
     pub fn sample_period(&self) -> f64 {
-        self.parameter("sample_period").map_or(0.01, |(_, variable)| variable.start)
+        self.sample_period_among(&Self::starts(&self.parameters))
+    }
+
+    /// Time between two samples with these parameters, s.
+    pub fn sample_period_among(&self, parameters: &[f64]) -> f64 {
+        self.parameter("sample_period").map_or(0.01, |(index, _)| parameters[index])
     }
 
     /// Name in lower case with dashes, as commands and files of the tools spell the vehicle.

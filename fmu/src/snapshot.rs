@@ -23,6 +23,8 @@ pub struct Core {
     pub(crate) stop: Option<f64>,
     pub(crate) parameters: Vec<f64>,
     pub(crate) inputs: Vec<f64>,
+    /// Which inputs the host has set.
+    pub(crate) given: Vec<bool>,
     /// Time derivatives of the inputs, for the next step only.
     pub(crate) slopes: Vec<f64>,
     pub(crate) sloped: bool,
@@ -45,7 +47,7 @@ struct Snapshot {
 pub struct Snapshots(Vec<Snapshot>);
 
 const MAGIC: &[u8; 5] = b"WSFMU";
-/// 2: the copy always has a core.
+/// 2: the copy always has a core, and says which inputs were set.
 const VERSION: u8 = 2;
 const CHECKSUM: usize = 16;
 
@@ -146,6 +148,7 @@ fn check_core(model: &Model, core: &Core, has_state: bool) -> Answer<()> {
     let [parameters, inputs, outputs] = [&model.parameters, &model.inputs, &model.outputs].map(Vec::len);
     let sizes = core.parameters.len() == parameters
         && [&core.inputs, &core.slopes, &core.held].iter().all(|list| list.len() == inputs)
+        && core.given.len() == inputs
         && core.outputs.len() == outputs;
     if !sizes {
         return corrupt("it has another number of variables");
@@ -157,8 +160,15 @@ fn check_core(model: &Model, core: &Core, has_state: bool) -> Answer<()> {
     if core.phase == Phase::Fatal || (built && (!has_state || core.stale)) {
         return corrupt("its phase does not fit its content");
     }
-    if !core.clock.is_sound() || core.slopes.iter().any(|slope| !slope.is_finite()) {
-        return corrupt("it has a time or derivative that is not finite");
+    if !core.clock.is_sound(model.sample_period_among(&core.parameters)) || core.stop.is_some_and(f64::is_nan) {
+        return corrupt("it has a time that no clock can have");
+    }
+    let mut inputs = model.inputs.iter().zip(core.inputs.iter().zip(&core.held));
+    let sound = inputs.all(|(variable, (set, held))| {
+        variable.may_be_missing() || (check_parameter(variable, *set).is_ok() && held.is_finite())
+    });
+    if !sound || core.slopes.iter().chain(&core.outputs).any(|value| !value.is_finite()) {
+        return corrupt("it has a value that is not finite");
     }
     Ok(())
 }

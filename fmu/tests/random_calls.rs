@@ -139,8 +139,7 @@ impl Fuzzed {
     fn step(&mut self) -> Status {
         let share = self.random.of(&[1.0, 0.37, 13.9, 1e-4, 1.0 / 3.0, 0.0, -1.0, f64::NAN, f64::INFINITY, 1e300]);
         let mut now = 0.0;
-        // value reference 0 is the time
-        unsafe { fmi2GetReal(self.c, &0, 1, &mut now) };
+        unsafe { fmi2GetRealStatus(self.c, 2, &mut now) };
         let point = if self.random.below(12) == 0 { self.random.value() } else { now };
         unsafe { fmi2DoStep(self.c, point, share * self.period, 0) }
     }
@@ -226,7 +225,7 @@ const SEEDS: u64 = 150;
 #[test]
 fn random_calls_are_answered() {
     for model in models(&|_| true) {
-        let calls = if model.name == "HumanDynamics" { 100 } else { 200 };
+        let calls = 150;
         sequence(&model, 0, calls);
         let before = held_bytes();
         let served: usize = (1..=SEEDS).map(|seed| sequence(&model, seed, calls)).sum();
@@ -236,20 +235,21 @@ fn random_calls_are_answered() {
         let share = served as f64 / (SEEDS as usize * calls) as f64;
         println!("{}: {:.0} % of the calls served", model.name, 100.0 * share);
         assert!((0.2..0.95).contains(&share), "{}: {share}", model.name);
-        assert_eq!(held, before, "{} leaks", model.name);
+        // the list of vacant places, shared with the other tests, may have grown or shrunk
+        assert!(held.abs_diff(before) < SEEDS as usize * 8, "{} leaks: {before} then {held} bytes", model.name);
     }
 }
 
 #[test]
 fn a_step_that_would_never_end_is_refused() {
-    let model = models(&|name| name == "Wheelchair").remove(0);
+    let model = models(&|_| true).remove(0);
     let fuzzed = Fuzzed::new(&model, 1);
     unsafe {
         assert_eq!(fmi2EnterInitializationMode(fuzzed.c), OK);
         assert_eq!(fmi2ExitInitializationMode(fuzzed.c), OK);
-        for size in [1e300, 1e12] {
+        for size in [1e300, 1e12, 1e5] {
             assert_eq!(fmi2DoStep(fuzzed.c, 0.0, size, 0), ERROR);
-            assert!(last_message().contains("samples"), "{}", last_message());
+            assert!(last_message().contains("more than 100000 samples"), "{}", last_message());
         }
         assert_eq!(fmi2DoStep(fuzzed.c, 0.0, 0.01, 0), OK);
     }

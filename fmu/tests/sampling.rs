@@ -2,7 +2,7 @@
 
 use crate::support::host::{Host, last_message};
 use crate::support::{Inputs, Lag, Outputs, Parameters, random};
-use wheelstate::Estimator;
+use wheelstate::{Estimator, Status};
 use wheelstate_fmu::abi::{ERROR, OK};
 
 const PERIOD: f64 = 0.01;
@@ -194,4 +194,63 @@ fn a_wrong_communication_point_or_step_is_refused_and_changes_nothing() {
     assert_eq!(host.step(1.0 + 1e-12, 0.02), OK);
     assert_eq!(host.step(1.02 - 3e-15, 0.03 + 1e-9), OK, "{}", last_message());
     assert_eq!(host.get_integer("count"), 5);
+}
+
+/// What a host can see of the estimate after some steps.
+fn estimate(host: &Host) -> (u64, u64, i32) {
+    (host.get("position").to_bits(), host.get("position_std").to_bits(), host.get_integer("status"))
+}
+
+#[test]
+fn an_input_is_missing_until_the_host_sets_it_and_reads_as_its_start() {
+    let (unset, told) = (Host::started(0.0), Host::started(0.0));
+    told.set("signal", f64::NAN);
+    for host in [&unset, &told] {
+        assert_eq!(host.step(0.0, 0.05), OK);
+    }
+    assert_eq!(estimate(&unset), estimate(&told));
+    assert_eq!(unset.get("signal"), 0.0);
+    assert!(told.get("signal").is_nan());
+    assert_eq!(told.reset(), OK);
+    told.start(0.0);
+    assert_eq!(told.get("signal"), 0.0);
+}
+
+#[test]
+fn missing_value_and_a_switch_are_as_good_as_nan() {
+    let (nan, number, off) = (Host::started(0.0), Host::started(0.0), Host::new());
+    assert_eq!(number.set("missing_value", -999.0), OK);
+    assert_eq!(off.set_boolean("use.signal", 0), OK);
+    off.start(0.0);
+    for k in 0..40 {
+        let (t, missing) = (f64::from(k) * 0.01, k % 3 == 0);
+        nan.set("signal", if missing { f64::NAN } else { 0.3 });
+        number.set("signal", if missing { -999.0 } else { 0.3 });
+        off.set("signal", 0.3);
+        // tunable, so it may change while the host steps
+        off.set_boolean("use.signal", i32::from(!missing));
+        for host in [&nan, &number, &off] {
+            // the derivative that a host forms over a gap is no number; that of a missing sample has no effect
+            assert_eq!(host.slope("signal", if missing { f64::NAN } else { 0.0 }), OK);
+            assert_eq!(host.step(t, 0.01), OK);
+        }
+        assert_eq!(estimate(&nan), estimate(&number), "step {k}");
+        assert_eq!(estimate(&nan), estimate(&off), "step {k}");
+    }
+    assert_eq!(number.slope("drive", f64::NAN), ERROR, "a force is no sample");
+    assert_eq!(number.set("missing_value", f64::NAN), ERROR);
+}
+
+#[test]
+fn no_output_is_ever_infinite() {
+    let host = Host::started(0.0);
+    host.set("drive", 1e308);
+    assert_eq!(host.step(0.0, 0.01), OK);
+    assert_eq!((host.get("drive_sum"), host.get_boolean("healthy")), (1e308, 1));
+    host.set_integer("gear", 4);
+    assert_eq!(host.step(0.01, 0.01), OK);
+    // four times that, and what was before, has no number
+    assert_eq!((host.get("drive_sum"), host.get_boolean("healthy")), (1e308, 0));
+    assert_eq!(host.get_integer("status") as u32 & Status::RECOVERED.bits(), Status::RECOVERED.bits());
+    assert!(host.rate("drive_sum").is_finite());
 }

@@ -7,7 +7,7 @@ use wheelstate::variable::Kind;
 use wheelstate::{Status, unit};
 use wheelstate_fmu::describe::{guid, xml};
 use wheelstate_fmu::instance::Instance;
-use wheelstate_fmu::model::{Model, Place, Type, models};
+use wheelstate_fmu::model::{Model, Place, Type, models, shown_start};
 use wheelstate_fmu::pack::picture;
 
 fn all() -> Vec<Model> {
@@ -19,7 +19,7 @@ fn all() -> Vec<Model> {
 #[test]
 fn every_declaration_is_complete_and_sound() {
     for model in all() {
-        let mut names = BTreeSet::from(["time".to_owned()]);
+        let mut names: BTreeSet<String> = BTreeSet::new();
         let groups = [(&model.parameters, 'p'), (&model.inputs, 'i'), (&model.outputs, 'o')];
         for (list, group) in groups {
             assert!(list.len() < 10_000);
@@ -34,10 +34,10 @@ fn every_declaration_is_complete_and_sound() {
                 assert!(unit::parse(variable.unit).is_some(), "{what}: unit {}", variable.unit);
                 let (low, high) = variable.range;
                 assert!(low < high, "{what}");
-                let missing = group == 'i' && variable.measured && variable.start.is_nan();
+                let missing = group == 'i' && variable.may_be_missing() && variable.start.is_nan();
                 assert!(missing || (low..=high).contains(&variable.start), "{what}: start {}", variable.start);
                 assert!(group == 'p' || !variable.tunable, "{what}: only parameters are tunable");
-                assert!(group == 'i' || !variable.measured, "{what}: only inputs are measured");
+                assert!(group == 'i' || !variable.may_be_missing(), "{what}: only inputs are measured");
                 if let Kind::Choice(items) = variable.kind {
                     assert_eq!(items.iter().collect::<BTreeSet<_>>().len(), items.len(), "{what}");
                 }
@@ -119,7 +119,7 @@ fn value_references_lead_back_to_their_places() {
             }
             assert_eq!(model.place(make(size).reference()), None);
         }
-        assert_eq!((model.place(0), model.place(1), model.place(u32::MAX)), (Some(Place::Time), None, None));
+        assert_eq!((model.place(0), model.place(1), model.place(u32::MAX)), (None, None, None));
     }
     // part of the interface: masters may have stored them
     assert_eq!(
@@ -164,9 +164,37 @@ fn baking_is_all_or_nothing_and_only_what_the_model_accepts() {
 }
 
 #[test]
+fn every_start_in_the_xml_is_finite_and_in_its_range() {
+    for model in all() {
+        let text = xml(&model);
+        for number in text.split("start=\"").skip(1).map(|rest| &rest[..rest.find('"').unwrap()]) {
+            assert!(matches!(number, "true" | "false") || number.parse::<f64>().unwrap().is_finite(), "{number}");
+        }
+        for variable in model.parameters.iter().chain(&model.inputs) {
+            let (low, high) = variable.range;
+            assert!((low..=high).contains(&shown_start(variable)), "{} {}", model.name, variable.name);
+        }
+    }
+}
+
+#[test]
+fn a_host_can_switch_every_sensor_off_and_name_a_number_for_no_sample() {
+    for model in all() {
+        assert!(model.parameter("missing_value").is_some());
+        let switches: Vec<_> = model.parameters.iter().filter(|v| v.name.starts_with("use.")).collect();
+        assert!(!switches.is_empty() && switches.iter().all(|v| v.kind == Kind::Boolean), "{}", model.name);
+        let own = model.parameters.iter().position(|v| v.name == "missing_value").unwrap();
+        if !model.parameters[..own].iter().any(|v| v.name.starts_with("use.")) {
+            let measured = model.inputs.iter().filter(|v| v.may_be_missing()).count();
+            assert_eq!(switches.len(), measured, "{}", model.name);
+        }
+    }
+}
+
+#[test]
 fn the_xml_escapes_texts() {
     let text = xml(&Model::of::<Lag>());
     assert!(text.contains("Time constant of the &quot;lag&quot; &lt;T&gt;."));
-    assert!(text.contains(r#"name="signal" valueReference="20000""#) && text.contains(r#"start="NaN""#));
+    assert!(text.contains(r#"name="signal" valueReference="20000""#));
     assert!(text.contains(r#"<Enumeration declaredType="FilterFaultChoice" start="1"/>"#));
 }

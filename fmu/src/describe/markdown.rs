@@ -10,11 +10,12 @@ pub fn variables(models: &[Model]) -> String {
     let mut text = String::from(
         "# Variables of the FMUs\n\n\
          Written from the declarations in `src/estimator`; `cargo test -p wheelstate-fmu variables` holds the two\n\
-         together and rewrites this file when WHEELSTATE_UPDATE is set. NaN in an input marked *measured* means \"no sample\".\n",
+         together and rewrites this file when WHEELSTATE_UPDATE is set. NaN in an input marked *measured*\n\
+         means \"no sample\", in one marked *held* that its last value holds; both begin as never set.\n",
     );
     for model in models {
         let _ = write!(text, "\n## {}\n\n{}.\n", model.name, model.description.trim_end_matches('.'));
-        section(&mut text, "Inputs", &model.inputs, |v| if v.may_be_missing() { "measured".into() } else { start(v) });
+        section(&mut text, "Inputs", &model.inputs, input);
         section(&mut text, "Outputs", &model.outputs, |_| String::new());
         section(&mut text, "Parameters", &model.parameters, |v| {
             let change = if v.tunable { ", tunable" } else { "" };
@@ -26,6 +27,14 @@ pub fn variables(models: &[Model]) -> String {
         let _ = writeln!(text, "| {} | {word} | {} |", 1_u32 << bit, meaning.trim());
     }
     text
+}
+
+fn input(variable: &Variable) -> String {
+    match (variable.measured, variable.held) {
+        (true, _) => "measured".to_owned(),
+        (_, true) => "held".to_owned(),
+        _ => start(variable),
+    }
 }
 
 fn section(text: &mut String, title: &str, list: &[Variable], note: impl Fn(&Variable) -> String) {

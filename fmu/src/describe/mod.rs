@@ -9,7 +9,7 @@ pub mod page;
 pub mod resources;
 pub mod schema;
 
-use crate::model::{Model, Place};
+use crate::model::{Model, Place, shown_start};
 use std::collections::BTreeSet;
 use std::ffi::CStr;
 use std::fmt::Write as _;
@@ -67,10 +67,6 @@ fn write(model: &Model, guid: &str, starts: bool) -> String {
         if starts { number(model.sample_period()) } else { String::new() }
     );
     text.push_str("  <ModelVariables>\n");
-    let _ = writeln!(
-        text,
-        r#"    <ScalarVariable name="time" valueReference="0" description="Time of the last communication point." causality="independent" variability="continuous"><Real unit="s"/></ScalarVariable>"#
-    );
     for (list, causality, place) in groups(model) {
         for (index, variable) in list.iter().enumerate() {
             write_variable(&mut text, variable, causality, place(index).reference(), starts);
@@ -128,7 +124,7 @@ pub fn description(variable: &Variable) -> String {
     let mut text = variable.description.clone();
     // a description that speaks of it itself says more
     if variable.may_be_missing() && !text.contains("NaN") && !text.contains("missing") {
-        text.push_str(" NaN: no sample at this instant.");
+        text.push_str(if variable.held { " NaN: the last value holds." } else { " NaN: no sample at this instant." });
     }
     if variable.name == "status" {
         text.push_str(" Sum of:");
@@ -174,8 +170,9 @@ fn write_variable(text: &mut String, variable: &Variable, causality: &str, refer
     }
     if matches!(variable.kind, Kind::Real | Kind::Integer | Kind::Code(_)) {
         let whole = variable.kind != Kind::Real;
-        // a start that is no sample lies in no range, and a measured input takes any number
-        let (low, high) = if variable.start.is_nan() { (f64::NEG_INFINITY, f64::INFINITY) } else { variable.range };
+        // an input that may be missing takes any number
+        let any = (f64::NEG_INFINITY, f64::INFINITY);
+        let (low, high) = if variable.may_be_missing() { any } else { variable.range };
         for (name, bound, free) in [("min", low, i32::MIN), ("max", high, i32::MAX)] {
             if bound.is_finite() && !(whole && bound == f64::from(free)) {
                 let _ = write!(text, r#" {name}="{}""#, number(bound));
@@ -187,7 +184,7 @@ fn write_variable(text: &mut String, variable: &Variable, causality: &str, refer
             _ if parameter && !starts => String::new(),
             Kind::Boolean => (variable.start != 0.0).to_string(),
             Kind::Choice(_) => number(variable.start + 1.0),
-            _ => number(variable.start),
+            _ => number(shown_start(variable)),
         };
         let _ = write!(text, r#" start="{start}""#);
     }
@@ -197,7 +194,7 @@ fn write_variable(text: &mut String, variable: &Variable, causality: &str, refer
 /// Outputs change in `fmi2DoStep` only, so at a communication point they depend on no input; before
 /// the first sample they may depend on every parameter.
 fn write_structure(text: &mut String, model: &Model) {
-    let first = 1 + model.parameters.len() + model.inputs.len();
+    let first = model.parameters.len() + model.inputs.len();
     let indices = || (1..=model.outputs.len()).map(|i| first + i);
     text.push_str("  <ModelStructure>\n    <Outputs>\n");
     for index in indices() {

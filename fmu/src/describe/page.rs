@@ -1,6 +1,7 @@
 //! `documentation/index.html` of a model, written from its declared variables.
 
 use super::description;
+use crate::clock::MOST_SAMPLES;
 use crate::model::{Model, range_text};
 use std::fmt::Write as _;
 use wheelstate::parameter_set::{escape, number};
@@ -42,15 +43,19 @@ instant in [t, t + h) in order, with the inputs as last set, or extrapolated wit
 (<code>fmi2SetRealInputDerivatives</code>, order 1, for the next step). A sample is a time update since the sample before and then
 the measurement update. The outputs at t + h are the estimates of the last sample carried forward to t + h by the model, with the
 inputs of that sample held; nothing of this is fed back. Before the first sample they are the initial state. Any step size works, and
-any start time. A step that would pass the stop time is refused.</p>
+any start time. A step that would pass the stop time, or take more than {most} samples, is refused.</p>
 <h2>Missing samples</h2>
 <p>NaN in an input that allows it means that this channel has no sample at this instant. An infinite value counts as missing too
-and raises a bit of <code>status</code>. Estimates never become NaN: what has no value yet holds its start value and is flagged.</p>
+and raises a bit of <code>status</code>. An input that allows it is missing until the host sets it, whatever start value the XML
+must state. For a host that knows no NaN, <code>missing_value</code> is the number that it sends instead; for one that sets every
+input, <code>use.*</code> switches off the sensors that the machine does not have. Estimates never become NaN: what has no value
+yet holds its start value and is flagged.</p>
 <h2>State</h2>
 <p>States can be copied, restored, written as bytes and read back, also in another process and before initialisation. Repeating the
 same steps from a state repeats the results bit for bit.</p>
 "#,
         version = env!("CARGO_PKG_VERSION"),
+        most = MOST_SAMPLES,
     );
     table(&mut page, "Inputs", &model.inputs, true, false);
     table(&mut page, "Outputs", &model.outputs, false, false);
@@ -102,6 +107,9 @@ pub(super) fn unit(variable: &Variable) -> &str {
 
 /// The start value in words.
 pub(super) fn start(variable: &Variable) -> String {
+    if variable.start.is_nan() {
+        return "missing".to_owned();
+    }
     match variable.kind {
         Kind::Boolean => (variable.start != 0.0).to_string(),
         Kind::Choice(items) => items.get(variable.start as usize).copied().unwrap_or_default().to_owned(),

@@ -112,9 +112,14 @@ impl Host {
         unsafe { fmi2ExitInitializationMode(self.c) }
     }
 
+    pub fn reset(&self) -> Status {
+        unsafe { fmi2Reset(self.c) }
+    }
+
     pub fn time(&self) -> f64 {
         let mut value = f64::NAN;
-        assert_eq!(unsafe { fmi2GetReal(self.c, &0, 1, &mut value) }, OK);
+        // kind 2 is the last successful time
+        assert_eq!(unsafe { fmi2GetRealStatus(self.c, 2, &mut value) }, OK);
         value
     }
 
