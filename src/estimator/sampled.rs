@@ -114,8 +114,10 @@ pub trait Machine: Clone + Send {
     fn rules(parameters: &Self::Parameters) -> Rules;
 
     /// Takes one sample: time update over `elapsed`, then measurement update. NaN in a measured input is a missing
-    /// sample; held inputs are always numbers. Never panics, never allocates.
-    fn sample(&mut self, state: &mut Self::State, inputs: &Self::Inputs, elapsed: Elapsed) -> Outcome;
+    /// sample; held inputs are always numbers, and `screened` says whether one of them is an old one
+    /// ([`Status::HELD_INPUT`]) or was never set. Never panics, never allocates.
+    fn sample(&mut self, state: &mut Self::State, inputs: &Self::Inputs, screened: Status, elapsed: Elapsed)
+    -> Outcome;
 
     /// The estimates `horizon >= 0` seconds after the last sample: its posterior, the mean carried forward by the
     /// model with these inputs held. Leaves the diagnostics alone.
@@ -291,9 +293,9 @@ impl<M: Machine> Estimator for Sampled<M> {
             true if dt > self.longest_gap => Elapsed::Gap(dt),
             true => Elapsed::Step(dt),
         };
-        status.raise_if(matches!(elapsed, Elapsed::Gap(_)), Status::BAD_STEP | Status::RESTARTED);
-        let outcome = self.machine.sample(&mut self.state.machine, &screened, elapsed);
+        let outcome = self.machine.sample(&mut self.state.machine, &screened, status, elapsed);
         status |= outcome.status;
+        status.raise_if(matches!(elapsed, Elapsed::Gap(_)), Status::BAD_STEP | Status::RESTARTED);
 
         let state = &mut self.state;
         state.started = true;

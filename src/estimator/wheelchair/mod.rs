@@ -264,7 +264,7 @@ impl Machine for ChairMachine {
         }
     }
 
-    fn sample(&mut self, state: &mut State, inputs: &Inputs, elapsed: Elapsed) -> Outcome {
+    fn sample(&mut self, state: &mut State, inputs: &Inputs, _: Status, elapsed: Elapsed) -> Outcome {
         let (mut status, dt) = (Status::OK, elapsed.seconds());
         let readings = state.wheels.read(
             &self.chair,
