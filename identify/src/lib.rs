@@ -1,9 +1,22 @@
 //! Identification of physical parameters from logs, before the online estimators run.
 //!
 //! ```text
-//! file -> wheelstate-log -> problem/ (one per vehicle: rows and constraints) -> solve/ (Clarabel) -> assess/ -> report/
-//!         simulate/ (plants + noise -> logs)                          tune/ (noise by replay)
+//! log file -> wheelstate-log -> problem/ (rows, constraints) -> solve/ (Clarabel) -> assess/ -> result -> report/
+//!                               tune/    (noise by replay)                                   -> result -> report/
+//! simulate (plants + noise) -> log file
 //! ```
+//!
+//! [`problem`], [`mod@simulate`] and [`tune`] hold what is common to all machines. What is a machine's own stands in its
+//! folder of [`vehicles`], with one record, a [`Vehicle`](vehicle::Vehicle), that says it all: its name, its estimator,
+//! its [`Problem`](problem::Problem), its scenarios. A machine is added by its folder and one line in the list
+//! [`vehicles::ALL`]; the commands walk the list.
+//!
+//! # Who may import whom
+//!
+//! `solve` and `result` stand at the bottom and know no log file, no machine and no command line; `assess` and `report`
+//! use `result`; `problem` uses `solve`, `assess` and `result`, `tune` only `result`; `vehicle` joins problem,
+//! simulation and tuning; a machine of `vehicles` uses all of these but never another machine; `cli` uses everything.
+//! `tests/walls/arrows.rs` of the repository is the whole list, and a test holds it.
 
 pub mod assess;
 pub mod cli;
@@ -15,5 +28,6 @@ pub mod simulate;
 pub mod solve;
 pub mod tune;
 pub mod vehicle;
+pub mod vehicles;
 
 pub use wheelstate_log::{self as log, output, progress};

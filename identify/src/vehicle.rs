@@ -1,84 +1,103 @@
-//! The machines the commands know.
+//! One record per machine: all that the commands know of it.
 
-use wheelstate::{Estimator, Variable, Variables, estimator};
+use crate::log::Log;
+use crate::problem::{self, FitError, FitRequest, Problem};
+use crate::progress::Progress;
+use crate::result::FitReport;
+use crate::simulate::{Companion, Request, SimulateError, Simulation};
+use crate::tune::{self, Subject, TuneError, TuneReport, TuneRequest};
+use wheelstate::{Estimator, Variable, Variables};
 
-/// A machine named on the command line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Vehicle {
-    /// Nursing robot that carries a seated person (also road vehicles: mass and rolling resistance).
-    NursingRobot,
-    /// Four-wheeled robot or car.
-    WheeledRobot,
-    /// Articulated or rigid wheel loader.
-    WheelLoader,
-    /// Human body.
-    HumanDynamics,
-    /// Wheelchair with power assistance.
-    Wheelchair,
+/// A machine: its estimator and what `identify` adds to it.
+#[derive(Clone, Copy)]
+pub struct Vehicle {
+    /// Name on the command line and in `fit.json`.
+    pub name: &'static str,
+    /// What it is, in one line of the help.
+    pub about: &'static str,
+    /// Its estimator.
+    pub estimator: Seat,
+    /// How its parameters are identified.
+    pub problem: Problem,
+    /// How its logs are simulated.
+    pub simulation: Simulation,
+    /// What a log must carry before noise is tuned on it: samples of at least one input of each group, `*` standing
+    /// for any ending. Accelerations alone are not enough for any machine, and a speed alone fits every machine.
+    pub needed: &'static [&'static [&'static str]],
+    /// Floors of the process noise that follow from what is known of the machine, by FMU name, from the values of
+    /// its parameters in the order of their declaration.
+    pub noise_floors: fn(&[f64]) -> Vec<(String, f64)>,
+    /// Whether it is a body tree, which `estimate` and `bench` read from a file.
+    pub body_tree: bool,
+}
+
+/// An estimator's place in a record: what is asked of its type.
+#[derive(Clone, Copy)]
+pub struct Seat {
+    /// [`Estimator::NAME`], also the name of the FMU.
+    pub name: &'static str,
+    parameters: fn() -> Vec<Variable>,
+    inputs: fn() -> Vec<Variable>,
+    tune: Tune,
+}
+
+/// [`tune::tune`] of one estimator.
+type Tune = fn(&Subject, &[Log], &[Log], &TuneRequest, &Progress) -> Result<TuneReport, TuneError>;
+
+impl Seat {
+    /// The place of this estimator.
+    pub const fn of<E: Estimator + 'static>() -> Self {
+        Self { name: E::NAME, parameters: E::Parameters::declare, inputs: E::Inputs::declare, tune: tune::tune::<E> }
+    }
 }
 
 impl Vehicle {
-    /// All of them.
-    pub const ALL: [Self; 5] =
-        [Self::NursingRobot, Self::WheeledRobot, Self::WheelLoader, Self::HumanDynamics, Self::Wheelchair];
-
-    /// Name on the command line and in `fit.json`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::NursingRobot => "nursing-robot",
-            Self::WheeledRobot => "wheeled-robot",
-            Self::WheelLoader => "wheel-loader",
-            Self::HumanDynamics => "human-dynamics",
-            Self::Wheelchair => "wheelchair",
-        }
-    }
-
-    /// Name of its estimator and of its FMU.
-    pub fn model(self) -> &'static str {
-        match self {
-            Self::NursingRobot => "NursingRobot",
-            Self::WheeledRobot => "WheeledRobot",
-            Self::WheelLoader => "WheelLoader",
-            Self::HumanDynamics => "HumanDynamics",
-            Self::Wheelchair => "Wheelchair",
-        }
-    }
-
-    /// The parameters of its estimator; none if this build has no estimator for it.
-    pub fn parameters(self) -> Vec<Variable> {
-        self.declarations().0
+    /// The parameters of its estimator.
+    pub fn parameters(&self) -> Vec<Variable> {
+        (self.estimator.parameters)()
     }
 
     /// The inputs of its estimator, which are the channels of its logs.
-    pub fn inputs(self) -> Vec<Variable> {
-        self.declarations().1
+    pub fn inputs(&self) -> Vec<Variable> {
+        (self.estimator.inputs)()
     }
 
-    fn declarations(self) -> (Vec<Variable>, Vec<Variable>) {
-        let mut found = Declarations { model: self.model(), parameters: Vec::new(), inputs: Vec::new() };
-        estimator::visit_all(&mut found);
-        (found.parameters, found.inputs)
+    /// Fits its parameters to logs, see [`problem::fit`].
+    pub fn fit(&self, logs: &[Log], request: &FitRequest, progress: &Progress) -> Result<FitReport, FitError> {
+        problem::fit(&self.problem, self.name, self.parameters(), logs, request, progress)
+    }
+
+    /// Tunes the noise settings of its estimator on logs, see [`tune::tune`]; `held_out` logs only judge the result.
+    pub fn tune(
+        &self,
+        logs: &[Log],
+        held_out: &[Log],
+        request: &TuneRequest,
+        progress: &Progress,
+    ) -> Result<TuneReport, TuneError> {
+        let subject = Subject { vehicle: self.name, needed: self.needed, noise_floors: self.noise_floors };
+        (self.estimator.tune)(&subject, logs, held_out, request, progress)
+    }
+
+    /// Runs a scenario.
+    pub fn simulate(&self, request: &Request) -> Result<Log, SimulateError> {
+        (self.simulation.run)(request)
+    }
+
+    /// The files that a scenario writes beside its log.
+    pub fn companions(&self, request: &Request) -> Result<Vec<Companion>, SimulateError> {
+        (self.simulation.companions)(request)
     }
 }
 
 impl std::fmt::Display for Vehicle {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.pad(self.name())
+        f.pad(self.name)
     }
 }
 
-/// Collects the declarations of the estimator with this name.
-struct Declarations {
-    model: &'static str,
-    parameters: Vec<Variable>,
-    inputs: Vec<Variable>,
-}
-
-impl estimator::Visitor for Declarations {
-    fn visit<E: Estimator + 'static>(&mut self) {
-        if E::NAME == self.model {
-            self.parameters = E::Parameters::declare();
-            self.inputs = E::Inputs::declare();
-        }
+impl std::fmt::Debug for Vehicle {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str(self.name)
     }
 }

@@ -6,11 +6,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use wheelstate_identify::log::Log;
 use wheelstate_identify::problem::FitRequest;
-use wheelstate_identify::problem::fit;
 use wheelstate_identify::progress::Progress;
-use wheelstate_identify::simulate::{Request, nursing_robot};
+use wheelstate_identify::simulate::Request;
 use wheelstate_identify::solve::{Loss, Options, Regression, Rows, Scale, Unknown, solve};
-use wheelstate_identify::vehicle::Vehicle;
+use wheelstate_identify::vehicles::nursing_robot;
 
 fn main() {
     divan::main();
@@ -51,7 +50,7 @@ fn exact_huber_2000(bencher: Bencher) {
 /// Excitation of a nursing robot at 100 Hz.
 fn drive(seconds: f64) -> Log {
     let settings = vec![("plant.duration".to_owned(), seconds)];
-    nursing_robot::simulate(&Request { scenario: "identification".into(), seed: 1, settings }).unwrap()
+    nursing_robot::VEHICLE.simulate(&Request { scenario: "identification".into(), seed: 1, settings }).unwrap()
 }
 
 fn fit_of(bencher: Bencher, seconds: f64, refine: bool, wheels_only: bool) {
@@ -61,7 +60,7 @@ fn fit_of(bencher: Bencher, seconds: f64, refine: bool, wheels_only: bool) {
     }
     let logs = [log];
     let request = FitRequest { refine, ..FitRequest::default() };
-    bencher.bench_local(|| fit(Vehicle::NursingRobot, black_box(&logs), &request, &Progress::none()).unwrap());
+    bencher.bench_local(|| nursing_robot::VEHICLE.fit(black_box(&logs), &request, &Progress::none()).unwrap());
 }
 
 #[divan::bench(sample_count = 10)]

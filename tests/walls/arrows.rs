@@ -12,7 +12,7 @@ pub struct Crate {
     pub source: &'static str,
     /// Parts of that folder that are crates of their own.
     pub except: &'static [&'static str],
-    /// Each module with what it may use.
+    /// Each module with what it may use; `folder::*` is every folder in that folder.
     pub modules: &'static [(&'static str, &'static [&'static str])],
 }
 
@@ -52,16 +52,31 @@ pub const CRATES: &[Crate] = &[
         source: "identify/src",
         except: &["main.rs"],
         modules: &[
-            // Numerics know logs, vehicles, reports and the command line as little as the core does.
+            // The numerics know no log, no vehicle, no report and no command line.
             ("solve", &["wheelstate_log::progress"]),
             ("result", &["wheelstate_log"]),
             ("assess", &["result"]),
-            ("vehicle", &["wheelstate"]),
-            ("estimate", &["wheelstate", "wheelstate_log"]),
-            ("problem", &["assess", "result", "solve", "vehicle", "wheelstate", "wheelstate_log"]),
-            ("simulate", &["estimate", "vehicle", "wheelstate", "wheelstate_log"]),
-            ("tune", &["result", "vehicle", "wheelstate", "wheelstate_log"]),
             ("report", &["result", "wheelstate::parameter_set"]),
+            // What is common to all machines names none of them.
+            ("problem", &["assess", "result", "solve", "wheelstate::variable", "wheelstate_log"]),
+            ("simulate", &["wheelstate::variable", "wheelstate_log"]),
+            ("tune", &["result", "wheelstate::estimator", "wheelstate::variable", "wheelstate_log"]),
+            ("estimate", &["wheelstate", "wheelstate_log"]),
+            (
+                "vehicle",
+                &[
+                    "problem",
+                    "result",
+                    "simulate",
+                    "tune",
+                    "wheelstate::estimator",
+                    "wheelstate::variable",
+                    "wheelstate_log",
+                ],
+            ),
+            // A machine never sees another one.
+            ("vehicles::*", MACHINE),
+            ("vehicles", &["vehicle"]),
             (
                 "cli",
                 &[
@@ -73,7 +88,8 @@ pub const CRATES: &[Crate] = &[
                     "solve",
                     "tune",
                     "vehicle",
-                    "wheelstate",
+                    "vehicles",
+                    "wheelstate::variable",
                     "wheelstate_log",
                 ],
             ),
@@ -143,12 +159,13 @@ pub const CRATES: &[Crate] = &[
     },
 ];
 
-/// Circles that wait to be repaired: arrows that are not counted when the list is searched for circles.
-pub const CIRCLES: &[(&str, &str)] = &[];
+/// What one machine of `identify` may use.
+const MACHINE: &[&str] =
+    &["assess", "estimate", "problem", "result", "simulate", "solve", "vehicle", "wheelstate", "wheelstate_log"];
 
 /// Crates from outside that only these modules may name: the command line and the numerics know nothing of each other.
 pub const CONFINED: &[(&str, &[&str])] = &[
-    ("clap", &["wheelstate_identify::cli", "wheelstate_identify::vehicle", "program pack", "program replay"]),
+    ("clap", &["wheelstate_identify::cli", "program pack", "program replay"]),
     ("clarabel", &["wheelstate_identify::solve"]),
     ("plotters", &["wheelstate_identify::report"]),
     ("askama", &["wheelstate_identify::report"]),

@@ -5,7 +5,7 @@
 mod arrows;
 mod source;
 
-use arrows::{CIRCLES, CONFINED, CRATES, Crate, UNSAFE};
+use arrows::{CONFINED, CRATES, Crate, UNSAFE};
 use source::{Path, paths, tokens};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -68,21 +68,53 @@ fn names(sources: &[Source], crates: &[&str]) -> BTreeMap<String, Vec<String>> {
     names
 }
 
-/// The longest listed module that a path leads into, with its crate; the bare crate if none is.
-fn node(segments: &[String], names: &BTreeMap<String, Vec<String>>) -> String {
-    let mut segments = segments.to_vec();
-    // A name of the root stands for what it re-exports.
-    while segments.len() > 1
-        && let Some(path) = names.get(&segments[..2].join("::"))
-        && path[..] != segments[..2]
-    {
-        segments = path.iter().cloned().chain(segments[2..].iter().cloned()).collect();
+/// Everything that the tests look at.
+struct Walls {
+    sources: Vec<Source>,
+    names: BTreeMap<String, Vec<String>>,
+    /// The listed modules by their full names, with what each may use.
+    arrows: BTreeMap<String, Vec<String>>,
+}
+
+impl Walls {
+    fn new() -> Self {
+        let crates: Vec<&str> = CRATES.iter().map(|one| one.name).collect();
+        let (mut all, mut names_of_all, mut arrows) = (Vec::new(), BTreeMap::new(), BTreeMap::new());
+        for one in CRATES {
+            let own = sources(one);
+            names_of_all.append(&mut names(&own, &crates));
+            all.extend(own);
+            for (module, may_use) in one.modules {
+                let may_use: Vec<String> = may_use.iter().map(|module| full(one.name, module)).collect();
+                arrows.extend(expanded(one, module).into_iter().map(|module| (module, may_use.clone())));
+            }
+        }
+        Self { sources: all, names: names_of_all, arrows }
     }
-    let path = segments.join("::");
-    let listed = CRATES.iter().filter(|one| one.name == segments[0]).flat_map(|one| {
-        one.modules.iter().map(|(module, _)| full(one.name, module)).filter(|module| leads_into(&path, module))
-    });
-    listed.max_by_key(String::len).unwrap_or_else(|| segments[0].clone())
+
+    /// The longest listed module that a path leads into; the bare crate if none is.
+    fn node(&self, segments: &[String]) -> String {
+        let mut segments = segments.to_vec();
+        // A name of the root stands for what it re-exports.
+        while segments.len() > 1
+            && let Some(path) = self.names.get(&segments[..2].join("::"))
+            && path[..] != segments[..2]
+        {
+            segments = path.iter().cloned().chain(segments[2..].iter().cloned()).collect();
+        }
+        let path = segments.join("::");
+        let listed = self.arrows.keys().filter(|module| leads_into(&path, module));
+        listed.max_by_key(|module| module.len()).unwrap_or(&segments[0]).clone()
+    }
+}
+
+/// The full names of a module of the list: several if it stands for the folders of a folder.
+fn expanded(of: &Crate, module: &str) -> Vec<String> {
+    let Some(outer) = module.strip_suffix("::*") else { return vec![full(of.name, module)] };
+    let folder = root().join(of.source).join(outer.replace("::", "/"));
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
+    let folders = entries.filter(|entry| entry.path().is_dir());
+    folders.map(|entry| full(of.name, &format!("{outer}::{}", entry.file_name().display()))).collect()
 }
 
 /// A module as it stands in the list, with the crate's name in front if it is of this crate.
@@ -100,28 +132,14 @@ fn leads_into(path: &str, module: &str) -> bool {
     path.strip_prefix(module).is_some_and(|rest| rest.is_empty() || rest.starts_with("::"))
 }
 
-fn all() -> (Vec<Source>, BTreeMap<String, Vec<String>>) {
-    let crates: Vec<&str> = CRATES.iter().map(|one| one.name).collect();
-    let mut names_of_all = BTreeMap::new();
-    let mut all = Vec::new();
-    for one in CRATES {
-        let own = sources(one);
-        names_of_all.append(&mut names(&own, &crates));
-        all.extend(own);
-    }
-    (all, names_of_all)
-}
-
 #[test]
 fn every_import_goes_along_an_arrow_of_the_list() {
     let crates: Vec<&str> = CRATES.iter().map(|one| one.name).collect();
-    let (sources, names) = all();
+    let walls = Walls::new();
     let mut broken = Vec::new();
-    for Source { file, module, tokens } in &sources {
-        let from = node(module, &names);
-        let of = CRATES.iter().find(|one| one.name == module[0]).unwrap();
-        let entry = of.modules.iter().find(|(name, _)| full(of.name, name) == from);
-        let Some((_, may_use)) = entry else {
+    for Source { file, module, tokens } in &walls.sources {
+        let from = walls.node(module);
+        let Some(may_use) = walls.arrows.get(&from) else {
             // The root of a crate names its own modules; any other module must be listed.
             if module.len() > 1 {
                 broken.push(format!("{file}: {from} is not in the list of modules"));
@@ -129,12 +147,10 @@ fn every_import_goes_along_an_arrow_of_the_list() {
             continue;
         };
         for path in paths(tokens, module, &crates) {
-            let to = node(&path.segments, &names);
-            let allowed = may_use.iter().map(|module| full(of.name, module));
-            let allowed = |to: &str| {
-                to == from || allowed.clone().any(|one| one == to || (one != of.name && leads_into(to, &one)))
-            };
-            if !allowed(&to) {
+            let to = walls.node(&path.segments);
+            // Another crate may be allowed as a whole.
+            let allows = |one: &String| *one == to || (*one != module[0] && leads_into(&to, one));
+            if to != from && !may_use.iter().any(allows) {
                 broken.push(format!("{file}:{}: {from} -> {to} is no arrow of tests/walls/arrows.rs", path.line));
             }
         }
@@ -144,16 +160,10 @@ fn every_import_goes_along_an_arrow_of_the_list() {
 
 #[test]
 fn the_list_of_arrows_has_no_circle() {
-    let mut arrows: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    for one in CRATES {
-        for (module, may_use) in one.modules {
-            let from = full(one.name, module);
-            let to = may_use.iter().map(|to| full(one.name, to)).filter(|to| {
-                // The root of a crate holds its modules together, and what it defines itself stands below them.
-                to != one.name && !CIRCLES.contains(&(from.as_str(), to.as_str()))
-            });
-            arrows.insert(from.clone(), to.collect());
-        }
+    let mut arrows = Walls::new().arrows;
+    // The root of a crate holds its modules together, and what it defines itself stands below them.
+    for may_use in arrows.values_mut() {
+        may_use.retain(|to| CRATES.iter().all(|one| one.name != to));
     }
     // Takes away what uses nothing that is left, until nothing is left.
     while !arrows.is_empty() {
@@ -167,9 +177,9 @@ fn the_list_of_arrows_has_no_circle() {
 
 #[test]
 fn crates_from_outside_stay_where_they_belong() {
-    let (sources, names) = all();
-    for Source { file, module, tokens } in &sources {
-        let from = node(module, &names);
+    let walls = Walls::new();
+    for Source { file, module, tokens } in &walls.sources {
+        let from = walls.node(module);
         for window in tokens.windows(2).filter(|window| window[1].text == "::") {
             let confined = CONFINED.iter().find(|(name, _)| *name == window[0].text);
             let Some((name, homes)) = confined else { continue };
@@ -182,7 +192,7 @@ fn crates_from_outside_stay_where_they_belong() {
 
 #[test]
 fn unsafe_code_stands_in_the_boundary_of_the_fmus_only() {
-    let (sources, _) = all();
+    let sources = Walls::new().sources;
     let (inside, outside): (Vec<&Source>, Vec<&Source>) =
         sources.iter().partition(|source| source.file.starts_with(UNSAFE));
     let uses = |source: &&Source| source.tokens.iter().find(|token| token.text == "unsafe").map(|token| token.line);

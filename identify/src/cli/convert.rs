@@ -1,5 +1,6 @@
 //! `identify convert`.
 
+use super::words::vehicle_parser;
 use super::{LogArgs, Outcome, Refusal, keep_inputs, print, read_logs};
 use crate::output::Outputs;
 use crate::progress::Progress;
@@ -17,8 +18,8 @@ Examples:
   identify convert wheelchair run.mf4 --out run.csv")]
 pub(super) struct ConvertArgs {
     /// The machine whose inputs the columns are checked against.
-    #[arg(value_enum)]
-    vehicle: Vehicle,
+    #[arg(value_parser = vehicle_parser())]
+    vehicle: &'static Vehicle,
     #[command(flatten)]
     logs: LogArgs,
     /// The log to write: .csv, .parquet or .mf4.

@@ -1,9 +1,10 @@
 //! `identify fit`.
 
 use super::settings::{self, Setting};
+use super::words::vehicle_parser;
 use super::{LogArgs, Outcome, Refusal, keep_inputs, print, read_logs};
 use crate::output::Outputs;
-use crate::problem::{self, FitRequest};
+use crate::problem::FitRequest;
 use crate::progress::Progress;
 use crate::report;
 use crate::result::FitReport;
@@ -23,8 +24,8 @@ Examples:
 A log without excitation ends with exit code 1 and the parameters marked; pack does not use those.")]
 pub(super) struct FitArgs {
     /// The machine.
-    #[arg(value_enum)]
-    vehicle: Vehicle,
+    #[arg(value_parser = vehicle_parser())]
+    vehicle: &'static Vehicle,
     #[command(flatten)]
     logs: LogArgs,
     /// Start values: a fit.json or {"name": value, ...}.
@@ -75,10 +76,7 @@ pub(super) fn run(args: &FitArgs) -> Result<Outcome, Refusal> {
     };
     let progress = Progress::terminal();
     let logs = read_logs(args.vehicle, &args.logs, &progress)?;
-    if problem::problem(args.vehicle).is_none() {
-        return Err(Refusal::unavailable("fit", args.vehicle));
-    }
-    let result = problem::fit(args.vehicle, &logs, &request, &progress);
+    let result = args.vehicle.fit(&logs, &request, &progress);
     progress.finish();
     let mut result = result?;
     result.refer_to(&logs);

@@ -1,5 +1,6 @@
 //! `identify estimate` and `identify bench`: maximum a posteriori estimation over any body tree.
 
+use super::words::vehicle_parser;
 use super::{Outcome, Refusal, keep_inputs, print};
 use crate::estimate;
 use crate::log::Log;
@@ -15,8 +16,8 @@ Examples:
   identify estimate human-dynamics log.csv --model body.urdf --sensors sensors.toml --out result.csv")]
 pub(super) struct EstimateArgs {
     /// The machine; human-dynamics.
-    #[arg(value_enum)]
-    vehicle: Vehicle,
+    #[arg(value_parser = vehicle_parser())]
+    vehicle: &'static Vehicle,
     /// The log: time, q_<joint>, qd_<joint> and the sensors' columns.
     #[arg(value_name = "LOG")]
     log: PathBuf,
@@ -37,8 +38,8 @@ Examples:
   identify bench human-dynamics --model body.urdf --sensors sensors.toml --steps 1000")]
 pub(super) struct BenchArgs {
     /// The machine; human-dynamics.
-    #[arg(value_enum)]
-    vehicle: Vehicle,
+    #[arg(value_parser = vehicle_parser())]
+    vehicle: &'static Vehicle,
     /// The body as URDF.
     #[arg(long, value_name = "F.urdf")]
     model: PathBuf,
@@ -83,6 +84,6 @@ pub(super) fn bench(args: &BenchArgs) -> Result<Outcome, Refusal> {
     Ok(Outcome::Done)
 }
 
-fn known(vehicle: Vehicle, command: &str) -> Result<(), Refusal> {
-    if vehicle == Vehicle::HumanDynamics { Ok(()) } else { Err(Refusal::unavailable(command, vehicle)) }
+fn known(vehicle: &Vehicle, command: &str) -> Result<(), Refusal> {
+    if vehicle.body_tree { Ok(()) } else { Err(Refusal(format!("{command} is not available for {vehicle}"))) }
 }

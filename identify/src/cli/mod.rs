@@ -80,12 +80,6 @@ impl<E: std::error::Error> From<E> for Refusal {
     }
 }
 
-impl Refusal {
-    fn unavailable(command: &str, vehicle: Vehicle) -> Self {
-        Self(format!("{command} is not available for {vehicle}"))
-    }
-}
-
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
     crate::log::guard::quiet();
@@ -129,7 +123,7 @@ fn print(text: &str) {
 }
 
 /// Reads all logs of a command and checks the map against the vehicle's inputs.
-fn read_logs(vehicle: Vehicle, args: &LogArgs, progress: &Progress) -> Result<Vec<Log>, Refusal> {
+fn read_logs(vehicle: &Vehicle, args: &LogArgs, progress: &Progress) -> Result<Vec<Log>, Refusal> {
     let map = args.columns.as_deref().map(ColumnMap::read).transpose()?;
     if let Some(map) = &map {
         check_map(vehicle, map)?;
@@ -138,7 +132,7 @@ fn read_logs(vehicle: Vehicle, args: &LogArgs, progress: &Progress) -> Result<Ve
 }
 
 /// Refuses units that do not fit the vehicle's inputs and points out names that look misspelt.
-fn check_map(vehicle: Vehicle, map: &ColumnMap) -> Result<(), Refusal> {
+fn check_map(vehicle: &Vehicle, map: &ColumnMap) -> Result<(), Refusal> {
     let inputs = vehicle.inputs();
     for (channel, unit) in map.units() {
         if let Some(input) = inputs.iter().find(|input| input.name == channel && input.unit != unit) {

@@ -25,7 +25,7 @@ pub fn parse(text: &str) -> Result<Setting, String> {
 
 /// Settings as numbers. Names that the vehicle's estimator declares are checked against their
 /// declaration; others are left to the caller, but must be numbers or truth values.
-pub fn numbers(vehicle: Vehicle, settings: &[Setting]) -> Result<Vec<(String, f64)>, Refusal> {
+pub fn numbers(vehicle: &Vehicle, settings: &[Setting]) -> Result<Vec<(String, f64)>, Refusal> {
     let declared = vehicle.parameters();
     let number = |setting: &Setting| {
         let variable = declared.iter().find(|variable| variable.name == setting.name);
@@ -56,7 +56,7 @@ fn value(variable: Option<&Variable>, text: &str) -> Result<f64, String> {
 }
 
 /// Start values from a file: a `fit.json` (its identified parameters) or a plain `{name: value}`.
-pub fn start_values(vehicle: Vehicle, path: &Path) -> Result<Vec<(String, f64)>, Refusal> {
+pub fn start_values(vehicle: &Vehicle, path: &Path) -> Result<Vec<(String, f64)>, Refusal> {
     let refuse = |what: String| Refusal(format!("{}: {what}", path.display()));
     let text = std::fs::read_to_string(path).map_err(|e| refuse(e.to_string()))?;
     let json: Value = serde_json::from_str(&text).map_err(|e| refuse(format!("not readable as JSON: {e}")))?;
@@ -70,7 +70,7 @@ pub fn start_values(vehicle: Vehicle, path: &Path) -> Result<Vec<(String, f64)>,
         return Err(refuse(format!("format_version {version} is not known to this program")));
     }
     if let Some(Value::String(other)) = top.get("vehicle").filter(|_| is_fit)
-        && other != vehicle.name()
+        && other != vehicle.name
     {
         return Err(refuse(format!("holds parameters of {other}, not of {vehicle}")));
     }

@@ -1,9 +1,10 @@
 //! `identify simulate`.
 
 use super::settings::{self, Setting};
+use super::words::vehicle_parser;
 use super::{Outcome, Refusal, print};
 use crate::output::Outputs;
-use crate::simulate::{Request, companions, scenarios, simulate};
+use crate::simulate::Request;
 use crate::vehicle::Vehicle;
 use clap::Args;
 use std::path::PathBuf;
@@ -18,8 +19,8 @@ Examples:
   identify simulate wheelchair --scenario climb --set chair.mass=120 --out climb.parquet")]
 pub(super) struct SimulateArgs {
     /// The machine.
-    #[arg(value_enum, hide_possible_values = false)]
-    vehicle: Vehicle,
+    #[arg(value_parser = vehicle_parser())]
+    vehicle: &'static Vehicle,
     /// What happens; --list shows what there is.
     #[arg(long, required_unless_present = "list")]
     scenario: Option<String>,
@@ -38,10 +39,7 @@ pub(super) struct SimulateArgs {
 }
 
 pub(super) fn run(args: &SimulateArgs) -> Result<Outcome, Refusal> {
-    let known = scenarios(args.vehicle);
-    if known.is_empty() {
-        return Err(Refusal::unavailable("simulate", args.vehicle));
-    }
+    let known = args.vehicle.simulation.scenarios;
     let (Some(scenario), Some(out)) = (&args.scenario, &args.out) else {
         let width = known.iter().map(|scenario| scenario.name.len()).max().unwrap_or(0);
         let lines = known.iter().map(|scenario| format!("{:width$}  {}\n", scenario.name, scenario.about));
@@ -51,10 +49,10 @@ pub(super) fn run(args: &SimulateArgs) -> Result<Outcome, Refusal> {
     Outputs::check(out)?;
     let settings = settings::numbers(args.vehicle, &args.settings)?;
     let request = Request { scenario: scenario.clone(), seed: args.seed, settings };
-    let log = simulate(args.vehicle, &request)?;
+    let log = args.vehicle.simulate(&request)?;
     let mut outputs = Outputs::new();
     outputs.file(out, |file| log.write(out, file))?;
-    for (ending, text) in companions(args.vehicle, &request)? {
+    for (ending, text) in args.vehicle.companions(&request)? {
         outputs.text(&out.with_extension(ending), &text)?;
     }
     outputs.commit()?;

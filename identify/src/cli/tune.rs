@@ -1,11 +1,12 @@
 //! `identify tune`.
 
 use super::settings::{self, Setting};
+use super::words::vehicle_parser;
 use super::{LogArgs, Outcome, Refusal, keep_inputs, print, read_logs};
 use crate::output::Outputs;
 use crate::progress::Progress;
 use crate::report;
-use crate::tune::{Objective, TuneRequest, tune};
+use crate::tune::{Objective, TuneRequest};
 use crate::vehicle::Vehicle;
 use clap::Args;
 use std::path::PathBuf;
@@ -18,8 +19,8 @@ Examples:
   identify tune wheeled-robot log.csv --floors off --only filter.process_std.speed_y")]
 pub(super) struct TuneArgs {
     /// The machine.
-    #[arg(value_enum)]
-    vehicle: Vehicle,
+    #[arg(value_parser = vehicle_parser())]
+    vehicle: &'static Vehicle,
     #[command(flatten)]
     logs: LogArgs,
     /// What a setting is judged by.
@@ -86,7 +87,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Outcome, Refusal> {
         floor: settings::numbers(args.vehicle, &args.floor)?,
         skip: args.skip,
     };
-    let result = tune(args.vehicle, &logs, &held_out, &request, &progress);
+    let result = args.vehicle.tune(&logs, &held_out, &request, &progress);
     progress.finish();
     let result = result?;
     let mut outputs = Outputs::new();

@@ -1,9 +1,18 @@
-//! The words of the command line for choices of the numerics, which know no command line.
+//! The words of the command line for machines and for choices of the numerics, which know no command line.
 
 use crate::solve::Loss;
 use crate::tune::Objective;
+use crate::vehicle::Vehicle;
+use crate::vehicles;
 use clap::ValueEnum;
-use clap::builder::PossibleValue;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+
+/// Takes the name of a machine of the list.
+pub(super) fn vehicle_parser() -> impl TypedValueParser<Value = &'static Vehicle> {
+    let names = vehicles::ALL.map(|vehicle| PossibleValue::new(vehicle.name).help(vehicle.about));
+    let find = |name: String| vehicles::ALL.into_iter().find(|vehicle| vehicle.name == name);
+    PossibleValuesParser::new(names).try_map(move |name| find(name).ok_or("no machine of the list"))
+}
 
 impl ValueEnum for Loss {
     fn value_variants<'a>() -> &'a [Self] {

@@ -1,7 +1,7 @@
 //! Parameters that a fit takes as known: defaults, start values and settings by FMU name.
 
 use std::collections::{BTreeMap, BTreeSet};
-use wheelstate::{ParameterError, Variable};
+use wheelstate::{ParameterError, Variable, Variables};
 
 /// Values by FMU name.
 #[derive(Clone, Debug, Default)]
@@ -49,6 +49,14 @@ impl Known {
     /// The value of a parameter that may be undeclared.
     pub fn find(&self, name: &str) -> Option<f64> {
         self.values.get(name).copied()
+    }
+
+    /// All values as the parameters of an estimator; those that this problem does not declare have their start values.
+    pub fn parameters<P: Variables + Default>(&self) -> P {
+        let mut parameters = P::default();
+        let flat: Vec<f64> = P::declare().iter().map(|v| self.find(&v.name).unwrap_or(v.start)).collect();
+        parameters.read(&flat);
+        parameters
     }
 
     /// Whether the user gave the value.

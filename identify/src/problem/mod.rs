@@ -1,4 +1,4 @@
-//! One file per vehicle: how logs become regressions and regressions become parameters.
+//! How logs become regressions and regressions become parameters; what all vehicles share.
 //!
 //! # The seam
 //!
@@ -33,16 +33,11 @@
 //! `validate` predicts measured signals with given parameters. [`fit`] calls `estimate` on the whole
 //! logs for the result, and again on the first 60 % of each log to `validate` on the rest.
 
-pub mod human_dynamics;
 pub mod known;
 pub mod noise;
-pub mod nursing_robot;
 mod request;
 pub mod session;
 pub mod weak_form;
-pub mod wheel_loader;
-pub mod wheelchair;
-pub mod wheeled_robot;
 
 pub use crate::assess::validation::Prediction;
 pub use known::Known;
@@ -54,7 +49,6 @@ use crate::log::{Log, LogError};
 use crate::progress::{Interrupted, Progress};
 use crate::result::{FORMAT_VERSION, FitReport, LogEntry, SignalFit, Trace, Validation};
 use crate::solve::SolveError;
-use crate::vehicle::Vehicle;
 use wheelstate::{ParameterError, Variable};
 
 /// Share of each log that the validation's fit may see.
@@ -63,8 +57,6 @@ pub const TRAINING_SHARE: f64 = 0.6;
 /// How the parameters of one vehicle are identified.
 #[derive(Clone, Copy)]
 pub struct Problem {
-    /// Parameters that may be given as known; the declaration of the estimator's parameters.
-    pub known: fn() -> Vec<Variable>,
     /// Parameters that can be fitted from these logs.
     pub targets: fn(&[Log]) -> Vec<Target>,
     /// Estimates what the task wants.
@@ -133,9 +125,6 @@ impl Task<'_> {
 /// Why there is no fit.
 #[derive(Debug, thiserror::Error)]
 pub enum FitError {
-    /// The vehicle cannot be fitted yet or at all.
-    #[error("there is no fit for {0}")]
-    NoProblem(&'static str),
     /// No log at all.
     #[error("no log was given")]
     NoLog,
@@ -164,32 +153,18 @@ pub enum FitError {
     Interrupted(#[from] Interrupted),
 }
 
-/// The problem of a vehicle.
-pub fn problem(vehicle: Vehicle) -> Option<Problem> {
-    match vehicle {
-        Vehicle::NursingRobot => Some(nursing_robot::PROBLEM),
-        Vehicle::Wheelchair => Some(wheelchair::PROBLEM),
-        Vehicle::HumanDynamics => Some(human_dynamics::PROBLEM),
-        Vehicle::WheeledRobot => Some(wheeled_robot::PROBLEM),
-        Vehicle::WheelLoader => Some(wheel_loader::PROBLEM),
-    }
-}
-
 /// Fits a vehicle's parameters to logs and judges the result.
 ///
 /// The parameters come from the whole logs. For the validation the same fit is made on the first 60 %
 /// of each log and its predictions are compared with the other 40 %. A parameter that the logs do not
 /// determine is part of the report with its reason among the warnings; errors are for logs,
 /// settings and solver states that allow no report at all.
-pub fn fit(vehicle: Vehicle, logs: &[Log], request: &FitRequest, progress: &Progress) -> Result<FitReport, FitError> {
-    let problem = problem(vehicle).ok_or(FitError::NoProblem(vehicle.name()))?;
-    fit_problem(&problem, vehicle.name(), logs, request, progress)
-}
-
-/// As [`fit`], for a problem that is not in the list of vehicles.
-pub fn fit_problem(
+///
+/// `vehicle` is the name that the report gets, `parameters` the declaration of what may be given as known.
+pub fn fit(
     problem: &Problem,
     vehicle: &str,
+    parameters: Vec<Variable>,
     logs: &[Log],
     request: &FitRequest,
     progress: &Progress,
@@ -197,7 +172,7 @@ pub fn fit_problem(
     if logs.is_empty() {
         return Err(FitError::NoLog);
     }
-    let mut known = Known::new((problem.known)());
+    let mut known = Known::new(parameters);
     for (name, value) in request.start.iter().chain(&request.settings) {
         known.set(name, *value)?;
     }

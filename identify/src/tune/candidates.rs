@@ -1,8 +1,7 @@
 //! Which parameters of a vehicle are noise settings, and what they can physically be.
 
-use crate::vehicle::Vehicle;
+use wheelstate::Variable;
 use wheelstate::variable::Kind;
-use wheelstate::{Variable, Variables, estimator::wheeled_robot};
 
 /// Least share of a measurement's data-sheet noise (its start value).
 const MEASUREMENT_SHARE: f64 = 0.7;
@@ -40,13 +39,16 @@ fn noise(name: &str) -> Option<bool> {
     (of_measurement || of_process).then_some(of_measurement)
 }
 
-/// The noise settings of a vehicle with search intervals around their start values.
+/// The noise settings among an estimator's parameters with search intervals around their start values.
 ///
-/// With `floors` no measurement is taken to be better than 0.7 of its start value and no model
-/// better than its known causes of error; without, the intervals reach two decades down.
-pub fn candidates(vehicle: Vehicle, base: &[f64], floors: bool, own_floors: &[(String, f64)]) -> Vec<Candidate> {
-    let declared = vehicle.parameters();
-    let physical = if floors { physical_floors(vehicle, base) } else { Vec::new() };
+/// With `physical` floors no measurement is taken to be better than 0.7 of its start value and no model
+/// better than its known causes of error, which these floors are; without, the intervals reach two decades down.
+pub fn candidates(
+    declared: &[Variable],
+    base: &[f64],
+    physical: Option<&[(String, f64)]>,
+    own_floors: &[(String, f64)],
+) -> Vec<Candidate> {
     let find = |list: &[(String, f64)], variable: &Variable| {
         list.iter().find(|(name, _)| *name == variable.name).map(|(_, value)| *value)
     };
@@ -56,9 +58,9 @@ pub fn candidates(vehicle: Vehicle, base: &[f64], floors: bool, own_floors: &[(S
         let power = is_power(variable);
         let square = if power { 2 } else { 1 };
         let usual = if measurement { MEASUREMENT_SHARE } else { PROCESS_SHARE }.powi(square) * start;
-        let low = match find(own_floors, variable).or(find(&physical, variable)) {
+        let low = match find(own_floors, variable).or(find(physical.unwrap_or_default(), variable)) {
             Some(floor) => floor,
-            None if floors => usual,
+            None if physical.is_some() => usual,
             None => 0.01f64.powi(square) * start,
         };
         let high = (10f64.powi(square) * start).max(10.0 * low).min(variable.range.1);
@@ -71,25 +73,4 @@ pub fn candidates(vehicle: Vehicle, base: &[f64], floors: bool, own_floors: &[(S
 /// Whether a noise is given as a power (a variance rate), not as a standard deviation.
 fn is_power(variable: &Variable) -> bool {
     !(variable.name.contains("_std"))
-}
-
-/// Floors of the process noise that follow from what is known of the machine.
-fn physical_floors(vehicle: Vehicle, base: &[f64]) -> Vec<(String, f64)> {
-    if vehicle != Vehicle::WheeledRobot {
-        return Vec::new();
-    }
-    // (2 sigma_F/m, Kf sigma_delta/m, lf Kf sigma_delta/Iz) dt, Kf of both front wheels: no model predicts better
-    let mut p = wheeled_robot::Parameters::default();
-    p.read(base);
-    let (v, o, dt) = (&p.vehicle, &p.observer, p.sample_period);
-    let kappa = (o.gain + o.amplitude * o.width).min(1.9 / dt);
-    let force = p.wheel.inertia / p.wheel.radius * kappa * o.wheel_speed_std * (2.0 / (2.0 - kappa * dt)).sqrt();
-    let steered = p.steering_acceleration_std();
-    [
-        ("filter.process_std.speed_x", 2.0 * force / v.mass),
-        ("filter.process_std.speed_y", steered),
-        ("filter.process_std.yaw_rate", v.cg_to_front * v.mass * steered / v.yaw_inertia),
-    ]
-    .map(|(name, rate)| (name.to_owned(), rate * dt))
-    .to_vec()
 }

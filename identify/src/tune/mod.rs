@@ -30,11 +30,10 @@ pub use report::{LogNis, TuneReport, Tuning};
 
 use crate::log::{Log, LogError, listed};
 use crate::progress::{Interrupted, Progress};
-use crate::vehicle::Vehicle;
 use dung_beetle::{Optimum, SearchError, Settings, minimise};
 use rayon::prelude::*;
 use replay::Track;
-use wheelstate::{Estimator, ParameterError, Variables, estimator};
+use wheelstate::{Estimator, ParameterError, Variable, Variables};
 
 /// What a tuning is asked for, besides the logs.
 #[derive(Clone, Debug, Default)]
@@ -68,7 +67,7 @@ pub enum TuneError {
     #[error("tune is not available for {vehicle}: its estimator has no {output}")]
     Unavailable {
         /// The vehicle.
-        vehicle: Vehicle,
+        vehicle: &'static str,
         /// The output that it would need.
         output: &'static str,
     },
@@ -82,7 +81,7 @@ pub enum TuneError {
     #[error("no noise setting of {vehicle} has an effect on {logs}{lacking}")]
     Nothing {
         /// The vehicle.
-        vehicle: Vehicle,
+        vehicle: &'static str,
         /// The logs.
         logs: String,
         /// What they lack.
@@ -113,9 +112,20 @@ pub enum TuneError {
     Threads(#[from] rayon::ThreadPoolBuildError),
 }
 
-/// Tunes the noise settings of a vehicle on logs; `held_out` logs only judge the result.
-pub fn tune(
-    vehicle: Vehicle,
+/// What a tuning must know of a machine beyond the declaration of its estimator.
+#[derive(Clone, Copy)]
+pub struct Subject {
+    /// Name of the machine, for reports and messages.
+    pub vehicle: &'static str,
+    /// Groups of inputs, `*` standing for any ending: a log needs samples of at least one input of each.
+    pub needed: &'static [&'static [&'static str]],
+    /// Floors of the process noise by FMU name, from the values of the parameters.
+    pub noise_floors: fn(&[f64]) -> Vec<(String, f64)>,
+}
+
+/// Tunes the noise settings of an estimator on logs; `held_out` logs only judge the result.
+pub fn tune<E: Estimator>(
+    subject: &Subject,
     logs: &[Log],
     held_out: &[Log],
     request: &TuneRequest,
@@ -124,30 +134,20 @@ pub fn tune(
     if logs.is_empty() {
         return Err(TuneError::NoLog);
     }
-    logs.iter().chain(held_out).try_for_each(|log| needed::check(vehicle, log))?;
+    let inputs = E::Inputs::declare();
+    logs.iter().chain(held_out).try_for_each(|log| needed::check(subject, &inputs, log))?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(request.threads).build()?;
-    let mut tuner = Tuner { vehicle, logs, held_out, request, progress, result: None };
-    pool.install(|| estimator::visit_all(&mut tuner));
-    let output = request.objective.source();
-    tuner.result.unwrap_or(Err(TuneError::Unavailable { vehicle, output }))
+    let tuner = Tuner { subject, logs, held_out, request, progress };
+    pool.install(|| tuner.tune::<E>())
 }
 
-/// Takes the estimator of its vehicle out of all estimators.
+/// One tuning.
 struct Tuner<'a> {
-    vehicle: Vehicle,
+    subject: &'a Subject,
     logs: &'a [Log],
     held_out: &'a [Log],
     request: &'a TuneRequest,
     progress: &'a Progress,
-    result: Option<Result<TuneReport, TuneError>>,
-}
-
-impl estimator::Visitor for Tuner<'_> {
-    fn visit<E: Estimator + 'static>(&mut self) {
-        if E::NAME == self.vehicle.model() {
-            self.result = Some(self.tune::<E>());
-        }
-    }
 }
 
 /// The middle of the intervals between samples, s.
@@ -170,13 +170,15 @@ impl Tuner<'_> {
             parameters.set(name, *value)?;
         }
         E::new(&parameters)?;
-        let unavailable = || TuneError::Unavailable { vehicle: self.vehicle, output: request.objective.source() };
+        let unavailable =
+            || TuneError::Unavailable { vehicle: self.subject.vehicle, output: request.objective.source() };
         let tracks = self.logs.iter().map(Track::new).collect();
         let mut replay =
             Replay::<E>::new(tracks, parameters.to_vec(), request.objective, request.skip).ok_or_else(unavailable)?;
 
         let floors = request.floors.unwrap_or(request.objective == Objective::Nll);
-        let all = candidates(self.vehicle, &replay.base, floors, &request.floor);
+        let physical = floors.then(|| (self.subject.noise_floors)(&replay.base));
+        let all = candidates(&E::Parameters::declare(), &replay.base, physical.as_deref(), &request.floor);
         let found = self.choose(&mut replay, all)?;
         replay.tuned = found.iter().map(|c| c.index).collect();
         let mut optimum = self.search(&replay, &found)?;
@@ -190,7 +192,7 @@ impl Tuner<'_> {
             return Err(TuneError::Diverged(request.objective.word()));
         }
         let held_out = self.held_out.iter().map(Track::new).collect::<Vec<_>>();
-        Ok(report::report(self.vehicle, self.logs, &held_out, request, &replay, &found, &optimum))
+        Ok(report::report(self.subject.vehicle, self.logs, &held_out, request, &replay, &found, &optimum))
     }
 
     /// Keeps the wanted settings that have an effect.
@@ -217,17 +219,17 @@ impl Tuner<'_> {
         let unmoved = values.remove(0);
         let kept: Vec<Candidate> =
             all.into_iter().zip(values).filter(|(_, value)| *value != unmoved).map(|(c, _)| c).collect();
-        if kept.is_empty() { Err(self.nothing()) } else { Ok(kept) }
+        if kept.is_empty() { Err(self.nothing(&E::Inputs::declare())) } else { Ok(kept) }
     }
 
-    fn nothing(&self) -> TuneError {
+    fn nothing(&self, inputs: &[Variable]) -> TuneError {
         let sources = self.logs.iter().map(|log| log.source.as_str());
-        let lacking = needed::lacking(&self.vehicle.inputs(), self.logs);
+        let lacking = needed::lacking(inputs, self.logs);
         let lacking = match lacking.is_empty() {
             true => String::new(),
             false => format!("; there is no sample of {}", listed(lacking.iter().map(String::as_str))),
         };
-        TuneError::Nothing { vehicle: self.vehicle, logs: listed(sources), lacking }
+        TuneError::Nothing { vehicle: self.subject.vehicle, logs: listed(sources), lacking }
     }
 
     /// The search in centred coordinates.

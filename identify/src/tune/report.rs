@@ -5,7 +5,6 @@ use super::replay::Track;
 use super::{Candidate, Objective, Replay, TuneRequest};
 use crate::log::Log;
 use crate::result::{FORMAT_VERSION, FitReport, LogEntry, Parameter, Verdict};
-use crate::vehicle::Vehicle;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -74,7 +73,7 @@ impl TuneReport {
 }
 
 pub(super) fn report<E: Estimator>(
-    vehicle: Vehicle,
+    vehicle: &str,
     logs: &[Log],
     held_out: &[Track<E>],
     request: &TuneRequest,
@@ -92,7 +91,7 @@ pub(super) fn report<E: Estimator>(
     };
     let mut fit = FitReport {
         format_version: FORMAT_VERSION,
-        vehicle: vehicle.name().to_owned(),
+        vehicle: vehicle.to_owned(),
         condition_number: f64::NAN,
         loss: request.objective.word().to_owned(),
         windows_used: replay.samples(),

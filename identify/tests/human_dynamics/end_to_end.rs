@@ -2,11 +2,10 @@
 
 use wheelstate_identify::estimate;
 use wheelstate_identify::log::Log;
-use wheelstate_identify::problem;
 use wheelstate_identify::problem::FitRequest;
 use wheelstate_identify::progress::Progress;
-use wheelstate_identify::simulate::{Request, companions, simulate};
-use wheelstate_identify::vehicle::Vehicle::HumanDynamics;
+use wheelstate_identify::simulate::Request;
+use wheelstate_identify::vehicles::human_dynamics;
 
 fn request(scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Request {
     let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
@@ -34,7 +33,7 @@ struct Written {
 
 fn written(request: &Request) -> Written {
     let folder = tempfile::tempdir().unwrap();
-    let files = companions(HumanDynamics, request).unwrap();
+    let files = human_dynamics::VEHICLE.companions(request).unwrap();
     let urdf = folder.path().join("body.urdf");
     std::fs::write(&urdf, &files.iter().find(|(ending, _)| *ending == "urdf").unwrap().1).unwrap();
     let toml = files.iter().find(|(ending, _)| *ending == "sensors.toml").unwrap().1.clone();
@@ -67,7 +66,7 @@ fn imus(table: &str) -> bool {
 #[test]
 fn bowing_in_three_cases() {
     let request = request("bowing", 1, &[]);
-    let full = simulate(HumanDynamics, &request).unwrap();
+    let full = human_dynamics::VEHICLE.simulate(&request).unwrap();
     let log = thin(&full, 120);
     let files = written(&request);
     let cases = [
@@ -116,9 +115,9 @@ fn bowing_in_three_cases() {
 fn an_unknown_weight_shows_in_loose_equations_least() {
     let settings = [("plant.extra_mass", 6.0), ("plant.hand_force", 0.0)];
     let request = request("bowing", 2, &settings);
-    let log = thin(&simulate(HumanDynamics, &request).unwrap(), 120);
+    let log = thin(&human_dynamics::VEHICLE.simulate(&request).unwrap(), 120);
     let files = written(&request);
-    let plain = thin(&simulate(HumanDynamics, &self::request("bowing", 2, &settings[1..])).unwrap(), 120);
+    let plain = thin(&human_dynamics::VEHICLE.simulate(&self::request("bowing", 2, &settings[1..])).unwrap(), 120);
     // with the hands measured nothing else can explain the weight away
     let loose = estimated(&files, &log, "1e-1", |_| true);
     let tight = estimated(&files, &log, "1e-4", |_| true);
@@ -148,8 +147,8 @@ fn an_unknown_weight_shows_in_loose_equations_least() {
 /// The seated person's passive joints come out of the estimated torques.
 #[test]
 fn passive_joints_of_the_seated_person() {
-    let log = simulate(HumanDynamics, &request("seated-braking", 3, &[("plant.duration", 12.0)])).unwrap();
-    let report = problem::fit(HumanDynamics, &[log], &FitRequest::default(), &Progress::none()).unwrap();
+    let log = human_dynamics::VEHICLE.simulate(&request("seated-braking", 3, &[("plant.duration", 12.0)])).unwrap();
+    let report = human_dynamics::VEHICLE.fit(&[log], &FitRequest::default(), &Progress::none()).unwrap();
     let truth = [
         ("lumbar_x", 180.0, 14.0),
         ("lumbar_y", 220.0, 18.0),
@@ -181,9 +180,9 @@ fn passive_joints_of_the_seated_person() {
 /// Without hand and foot sensors the arms' and legs' torques are not known, and the fit says so.
 #[test]
 fn unobservable_joints_are_not_fitted() {
-    let mut log = simulate(HumanDynamics, &request("seated-braking", 4, &[])).unwrap();
+    let mut log = human_dynamics::VEHICLE.simulate(&request("seated-braking", 4, &[])).unwrap();
     log.channels.retain(|c| !c.name.contains("_hand_") && !c.name.contains("_foot_"));
-    let report = problem::fit(HumanDynamics, &[log], &FitRequest::default(), &Progress::none()).unwrap();
+    let report = human_dynamics::VEHICLE.fit(&[log], &FitRequest::default(), &Progress::none()).unwrap();
     for joint in ["right_knee_y", "left_elbow_y", "right_shoulder_x"] {
         assert!(!report.parameters[&format!("stiffness.{joint}")].identified, "{joint}");
     }
@@ -196,7 +195,7 @@ fn seated_torques_and_their_spread() {
     use wheelstate::estimator::human_dynamics::variables::JOINTS;
     use wheelstate::estimator::human_dynamics::{HumanDynamics as Seated, Inputs, Outputs, Parameters};
     use wheelstate::{Estimator, Variables};
-    let log = simulate(HumanDynamics, &request("seated-braking", 5, &[])).unwrap();
+    let log = human_dynamics::VEHICLE.simulate(&request("seated-braking", 5, &[])).unwrap();
     let levels: [&[&str]; 4] = [
         &[],
         &["use.imu"],

@@ -4,8 +4,8 @@ use wheelstate::Estimator;
 use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Outputs, Parameters};
 use wheelstate_identify::log::Log;
 use wheelstate_identify::simulate::Request;
-use wheelstate_identify::simulate::nursing_robot::{Run, run};
 use wheelstate_identify::tune::replay::Track;
+use wheelstate_identify::vehicles::nursing_robot::simulate::{Run, run};
 
 pub const PERIOD: f64 = 0.01;
 

@@ -5,11 +5,10 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use wheelstate_identify::log::Log;
-use wheelstate_identify::problem::FitRequest;
-use wheelstate_identify::problem::{FitError, fit};
+use wheelstate_identify::problem::{FitError, FitRequest};
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::result::FitReport;
-use wheelstate_identify::vehicle::Vehicle;
+use wheelstate_identify::vehicles::nursing_robot;
 
 /// The reference log, 40 s of excitation, with these channels besides torque, speed and yaw rate.
 fn reference(channels: &[(&str, &str)]) -> Log {
@@ -42,7 +41,7 @@ fn request() -> FitRequest {
 }
 
 fn run(log: &Log, request: &FitRequest) -> FitReport {
-    let report = fit(Vehicle::NursingRobot, std::slice::from_ref(log), request, &Progress::none()).unwrap();
+    let report = nursing_robot::VEHICLE.fit(std::slice::from_ref(log), request, &Progress::none()).unwrap();
     for (name, p) in &report.parameters {
         println!("{name}: {:.5} +- {:.5} {} {:?}", p.value, p.std_error, p.unit, p.verdict);
     }
@@ -169,7 +168,8 @@ fn impossible_requests_are_refused() {
     let log = reference(&ALL);
     let refused = |only: &[&str]| -> FitError {
         let only = only.iter().map(|name| (*name).to_owned()).collect();
-        fit(Vehicle::NursingRobot, std::slice::from_ref(&log), &FitRequest { only, ..request() }, &Progress::none())
+        nursing_robot::VEHICLE
+            .fit(std::slice::from_ref(&log), &FitRequest { only, ..request() }, &Progress::none())
             .unwrap_err()
     };
     assert!(refused(&["robot.colour"]).to_string().contains("human.stiffness_pitch"));
@@ -177,6 +177,6 @@ fn impossible_requests_are_refused() {
     assert!(refused(&["robot.mass", "robot.drive_efficiency"]).to_string().contains("scales"));
     let mut without = log.clone();
     without.channels.retain(|channel| channel.name != "torque_left");
-    let error = fit(Vehicle::NursingRobot, &[without], &request(), &Progress::none()).unwrap_err();
+    let error = nursing_robot::VEHICLE.fit(&[without], &request(), &Progress::none()).unwrap_err();
     assert!(error.to_string().contains("torque_left"), "{error}");
 }

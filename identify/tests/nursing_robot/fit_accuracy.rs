@@ -6,12 +6,11 @@ use wheelstate::Variables;
 use wheelstate::estimator::nursing_robot::Parameters;
 use wheelstate_identify::log::Log;
 use wheelstate_identify::problem::FitRequest;
-use wheelstate_identify::problem::fit;
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::result::FitReport;
 use wheelstate_identify::simulate::Request;
-use wheelstate_identify::simulate::nursing_robot::run;
-use wheelstate_identify::vehicle::Vehicle;
+use wheelstate_identify::vehicles::nursing_robot;
+use wheelstate_identify::vehicles::nursing_robot::simulate::run;
 
 /// Patients of 50 to 100 kg and 1.55 to 1.85 m, weighed and measured before the drive.
 fn patient(seed: u64) -> (Log, Parameters, FitRequest) {
@@ -33,7 +32,7 @@ fn truth(parameters: &Parameters, name: &str) -> f64 {
 }
 
 fn run_fit(log: &Log, request: &FitRequest) -> FitReport {
-    fit(Vehicle::NursingRobot, std::slice::from_ref(log), request, &Progress::none()).unwrap()
+    nursing_robot::VEHICLE.fit(std::slice::from_ref(log), request, &Progress::none()).unwrap()
 }
 
 fn without_angles(log: &Log) -> Log {

@@ -4,10 +4,9 @@
 use std::path::PathBuf;
 use wheelstate_identify::log::{ColumnMap, Log};
 use wheelstate_identify::problem::FitRequest;
-use wheelstate_identify::problem::fit;
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::result::FitReport;
-use wheelstate_identify::vehicle::Vehicle;
+use wheelstate_identify::vehicles::nursing_robot;
 
 fn data() -> Option<PathBuf> {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -38,7 +37,7 @@ fn request() -> FitRequest {
 }
 
 fn trip(log: &Log) -> FitReport {
-    fit(Vehicle::NursingRobot, std::slice::from_ref(log), &request(), &Progress::none()).unwrap()
+    nursing_robot::VEHICLE.fit(std::slice::from_ref(log), &request(), &Progress::none()).unwrap()
 }
 
 fn mean(values: &[f64]) -> f64 {

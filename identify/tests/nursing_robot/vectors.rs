@@ -1,12 +1,12 @@
 //! Identification of the nursing robot against the reference vectors.
 
 use crate::support::{assert_close, vector_table, vector_text};
-use wheelstate_identify::problem::nursing_robot::refine::{Segment, Setup, refine};
-use wheelstate_identify::problem::nursing_robot::rows::{self, Body, Drive, Signals, Windows};
-use wheelstate_identify::problem::nursing_robot::sway::Passive;
 use wheelstate_identify::problem::weak_form::Bump;
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::solve::{Loss, Options, Regression, Rows, Unknown, solve};
+use wheelstate_identify::vehicles::nursing_robot::problem::refine::{Segment, Setup, refine};
+use wheelstate_identify::vehicles::nursing_robot::problem::rows::{self, Body, Drive, Signals, Windows};
+use wheelstate_identify::vehicles::nursing_robot::problem::sway::Passive;
 
 fn expected() -> serde_json::Value {
     serde_json::from_str(&vector_text("nursing_robot/ident_expected.json")).unwrap()

@@ -3,16 +3,17 @@
 
 use wheelstate_identify::log::Log;
 use wheelstate_identify::progress::Progress;
-use wheelstate_identify::simulate::{Request, simulate};
-use wheelstate_identify::tune::{Objective, TuneReport, TuneRequest, tune};
+use wheelstate_identify::simulate::Request;
+use wheelstate_identify::tune::{Objective, TuneReport, TuneRequest};
 use wheelstate_identify::vehicle::Vehicle;
+use wheelstate_identify::vehicles::{human_dynamics, nursing_robot, wheel_loader, wheelchair, wheeled_robot};
 
-fn log(vehicle: Vehicle, scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Log {
+fn log(vehicle: &Vehicle, scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Log {
     let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
-    simulate(vehicle, &Request { scenario: scenario.to_owned(), seed, settings }).unwrap()
+    vehicle.simulate(&Request { scenario: scenario.to_owned(), seed, settings }).unwrap()
 }
 
-fn tuned(vehicle: Vehicle, logs: [Log; 3], objective: Objective, settings: &[(&str, f64)]) -> TuneReport {
+fn tuned(vehicle: &Vehicle, logs: [Log; 3], objective: Objective, settings: &[(&str, f64)]) -> TuneReport {
     let request = TuneRequest {
         objective,
         seed: 3,
@@ -23,7 +24,7 @@ fn tuned(vehicle: Vehicle, logs: [Log; 3], objective: Objective, settings: &[(&s
         ..TuneRequest::default()
     };
     let [a, b, unseen] = logs;
-    let report = tune(vehicle, &[a, b], &[unseen], &request, &Progress::none()).unwrap();
+    let report = vehicle.tune(&[a, b], &[unseen], &request, &Progress::none()).unwrap();
     for entry in &report.tuning.nis {
         println!(
             "{vehicle} {} held out {}: {objective:?} {:.4} -> {:.4}, NIS {:.2} -> {:.2}",
@@ -48,7 +49,7 @@ fn assert_generalises(report: &TuneReport) {
 
 #[test]
 fn nursing_robot() {
-    let vehicle = Vehicle::NursingRobot;
+    let vehicle = &nursing_robot::VEHICLE;
     let logs = || [("coughs", 1), ("smooth-start", 2), ("lean", 3)].map(|(name, seed)| log(vehicle, name, seed, &[]));
     let report = tuned(vehicle, logs(), Objective::Nll, &[]);
     assert_generalises(&report);
@@ -61,7 +62,7 @@ fn nursing_robot() {
 
 #[test]
 fn wheel_loader() {
-    let vehicle = Vehicle::WheelLoader;
+    let vehicle = &wheel_loader::VEHICLE;
     let logs =
         [("bumpy-c", 1), ("bumpy-d", 2), ("accelerate-brake", 3)].map(|(name, seed)| log(vehicle, name, seed, &[]));
     assert_generalises(&tuned(vehicle, logs, Objective::Nll, &[]));
@@ -69,7 +70,7 @@ fn wheel_loader() {
 
 #[test]
 fn wheelchair() {
-    let vehicle = Vehicle::Wheelchair;
+    let vehicle = &wheelchair::VEHICLE;
     let logs = || [("climb", 1), ("yaw-moment", 2), ("oblique", 3)].map(|(name, seed)| log(vehicle, name, seed, &[]));
     assert_generalises(&tuned(vehicle, logs(), Objective::Nll, &[]));
     let by_truth = tuned(vehicle, logs(), Objective::Rmse, &[]);
@@ -78,7 +79,7 @@ fn wheelchair() {
 
 #[test]
 fn human_dynamics() {
-    let vehicle = Vehicle::HumanDynamics;
+    let vehicle = &human_dynamics::VEHICLE;
     let logs = [1, 2, 3].map(|seed| {
         let mut log = log(vehicle, "seated-braking", seed, &[]);
         // a second and a half is enough to show it
@@ -110,10 +111,10 @@ fn the_command_writes_start_values() {
     let folder = tempfile::TempDir::new().unwrap();
     let path = folder.path();
     for (vehicle, scenario) in [
-        (Vehicle::NursingRobot, "coughs"),
-        (Vehicle::WheelLoader, "bumpy-c"),
-        (Vehicle::Wheelchair, "climb"),
-        (Vehicle::WheeledRobot, "sine"),
+        (&nursing_robot::VEHICLE, "coughs"),
+        (&wheel_loader::VEHICLE, "bumpy-c"),
+        (&wheelchair::VEHICLE, "climb"),
+        (&wheeled_robot::VEHICLE, "sine"),
     ] {
         let made = identify(path, &format!("simulate {vehicle} --scenario {scenario} --seed 1 --out log.csv"));
         assert_eq!(made, Some(0));
@@ -128,7 +129,7 @@ fn the_command_writes_start_values() {
             let warned = !report["warnings"].as_array().unwrap().is_empty();
             assert!(objective == "nll" || warned, "rmse is degenerate and says so");
             assert_eq!(code, Some(i32::from(warned || !all_sure)), "{vehicle} {objective}");
-            assert_eq!(report["vehicle"], vehicle.name());
+            assert_eq!(report["vehicle"], vehicle.name);
             let declared = vehicle.parameters();
             for (name, parameter) in report["parameters"].as_object().unwrap() {
                 let variable = declared.iter().find(|variable| variable.name == *name).unwrap();

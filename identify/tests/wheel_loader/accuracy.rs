@@ -5,9 +5,9 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use wheelstate::estimator::wheel_loader::*;
 use wheelstate::{Estimator, Status};
-use wheelstate_identify::simulate::{Request, simulate};
+use wheelstate_identify::simulate::Request;
 use wheelstate_identify::tune::replay::Track;
-use wheelstate_identify::vehicle::Vehicle;
+use wheelstate_identify::vehicles::wheel_loader;
 
 use crate::support::{median, quantile};
 
@@ -23,7 +23,7 @@ struct Drive {
 
 fn log(scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Drive {
     let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
-    let log = simulate(Vehicle::WheelLoader, &Request { scenario: scenario.to_owned(), seed, settings }).unwrap();
+    let log = wheel_loader::VEHICLE.simulate(&Request { scenario: scenario.to_owned(), seed, settings }).unwrap();
     let inputs = Track::<WheelLoader>::new(&log).inputs;
     Drive { inputs, load_ratio: log.channel("true_load_ratio").unwrap().to_vec(), time: log.time }
 }

@@ -2,23 +2,22 @@
 
 use rayon::prelude::*;
 use wheelstate_identify::log::Log;
-use wheelstate_identify::problem::FitRequest;
-use wheelstate_identify::problem::{Known, fit, wheel_loader};
+use wheelstate_identify::problem::{FitRequest, Known};
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::result::FitReport;
-use wheelstate_identify::simulate::{Request, simulate};
+use wheelstate_identify::simulate::Request;
 use wheelstate_identify::solve::{Loss, Options, solve};
-use wheelstate_identify::vehicle::Vehicle;
+use wheelstate_identify::vehicles::wheel_loader;
 
 use crate::support::{median, quantile};
 
 fn log(scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Log {
     let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
-    simulate(Vehicle::WheelLoader, &Request { scenario: scenario.to_owned(), seed, settings }).unwrap()
+    wheel_loader::VEHICLE.simulate(&Request { scenario: scenario.to_owned(), seed, settings }).unwrap()
 }
 
 fn fitted(log: Log, request: &FitRequest) -> FitReport {
-    fit(Vehicle::WheelLoader, &[log], request, &Progress::default()).unwrap()
+    wheel_loader::VEHICLE.fit(&[log], request, &Progress::default()).unwrap()
 }
 
 /// The machine's user starts from a wrong idea of it.
@@ -116,11 +115,11 @@ fn constant_torque_says_nothing_about_the_height() {
 /// The slip is noisier than it is large: least squares must fail, and its failure must be seen.
 #[test]
 fn plain_least_squares_fails_and_is_caught() {
-    let known = Known::new(Vehicle::WheelLoader.parameters());
+    let known = Known::new(wheel_loader::VEHICLE.parameters());
     let log = log("accelerate-brake", 1, &[]);
     let options = Options { loss: Loss::Ls, ..Options::default() };
-    let plain = solve(&wheel_loader::slip_regression(&log, &known, false).unwrap(), &options).unwrap();
-    let instrumented = solve(&wheel_loader::slip_regression(&log, &known, true).unwrap(), &options).unwrap();
+    let plain = solve(&wheel_loader::problem::slip_regression(&log, &known, false).unwrap(), &options).unwrap();
+    let instrumented = solve(&wheel_loader::problem::slip_regression(&log, &known, true).unwrap(), &options).unwrap();
     println!(
         "K: plain {:.1}, instrumented {:.1}; noise share {:.2}",
         plain.theta[0], instrumented.theta[0], plain.noise_share[0]

@@ -8,9 +8,9 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use wheelstate::estimator::wheel_loader::*;
 use wheelstate::{Estimator, Status, Variables};
-use wheelstate_identify::simulate::{Request, simulate};
+use wheelstate_identify::simulate::Request;
 use wheelstate_identify::tune::replay::Track;
-use wheelstate_identify::vehicle::Vehicle;
+use wheelstate_identify::vehicles::wheel_loader;
 
 const RUNS: u64 = 200;
 const SCENARIOS: [&str; 6] = ["bumpy-c", "bumpy-d", "spade", "spade-heavy", "constant-torque", "accelerate-brake"];
@@ -116,7 +116,7 @@ fn run(seed: u64) -> Run {
     let fixed = random.coin();
     let (settings, truth) = settings(&mut random, fixed);
     let what = format!("{seed} {scenario} {settings:.3?}");
-    let log = simulate(Vehicle::WheelLoader, &Request { scenario: scenario.to_owned(), seed, settings }).unwrap();
+    let log = wheel_loader::VEHICLE.simulate(&Request { scenario: scenario.to_owned(), seed, settings }).unwrap();
     let inputs = Track::<WheelLoader>::new(&log).inputs;
     let p = parameters(&mut random, truth, fixed);
     let mut estimator = WheelLoader::new(&p).unwrap();

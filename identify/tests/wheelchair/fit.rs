@@ -6,20 +6,19 @@ use wheelstate::estimator::wheelchair::{Inputs, Outputs, Parameters, Wheelchair}
 use wheelstate::model::wheelchair::wheel_angles;
 use wheelstate_identify::log::Log;
 use wheelstate_identify::problem::FitRequest;
-use wheelstate_identify::problem::fit;
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::result::FitReport;
-use wheelstate_identify::simulate::{Request, scenarios, simulate};
+use wheelstate_identify::simulate::Request;
 use wheelstate_identify::solve::Loss;
-use wheelstate_identify::vehicle::Vehicle;
+use wheelstate_identify::vehicles::wheelchair;
 
 fn simulated(scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Log {
     let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
-    simulate(Vehicle::Wheelchair, &Request { scenario: scenario.to_owned(), seed, settings }).unwrap()
+    wheelchair::VEHICLE.simulate(&Request { scenario: scenario.to_owned(), seed, settings }).unwrap()
 }
 
 fn run(logs: &[Log], request: &FitRequest) -> FitReport {
-    let report = fit(Vehicle::Wheelchair, logs, request, &Progress::none()).unwrap();
+    let report = wheelchair::VEHICLE.fit(logs, request, &Progress::none()).unwrap();
     for (name, p) in &report.parameters {
         println!("{name}: {:.5} +- {:.5} {} {:?}", p.value, p.std_error, p.unit, p.verdict);
     }
@@ -213,7 +212,7 @@ fn without_turning_there_is_no_yaw_inertia() {
 /// The estimator on every scenario, with its start values from nothing but the scenario's heading.
 #[test]
 fn the_estimator_follows_every_scenario() {
-    for scenario in scenarios(Vehicle::Wheelchair).iter().filter(|s| s.name != "identification") {
+    for scenario in wheelchair::VEHICLE.simulation.scenarios.iter().filter(|s| s.name != "identification") {
         let log = simulated(scenario.name, 4, &[("plant.gyro_bias", 0.01), ("plant.accel_x_bias", 0.03)]);
         assert_eq!(log, simulated(scenario.name, 4, &[("plant.gyro_bias", 0.01), ("plant.accel_x_bias", 0.03)]));
         let channel = |name: &str| log.channel(name).unwrap();
@@ -242,8 +241,8 @@ fn the_estimator_follows_every_scenario() {
         assert!((o.gyro_bias.value - 0.01).abs() < 3.0 * o.gyro_bias.std, "{}: {}", scenario.name, o.gyro_bias.value);
     }
     let unknown = Request { scenario: "fly".to_owned(), ..Request::default() };
-    let message = simulate(Vehicle::Wheelchair, &unknown).unwrap_err().to_string();
+    let message = wheelchair::VEHICLE.simulate(&unknown).unwrap_err().to_string();
     assert!(message.contains("climb, oblique, yaw-moment, identification"), "{message}");
     let wrong = Request { scenario: "climb".into(), settings: vec![("plant.mass".into(), -1.0)], seed: 0 };
-    assert!(simulate(Vehicle::Wheelchair, &wrong).unwrap_err().to_string().contains("allowed range"));
+    assert!(wheelchair::VEHICLE.simulate(&wrong).unwrap_err().to_string().contains("allowed range"));
 }

@@ -3,16 +3,16 @@
 use wheelstate::estimator::wheeled_robot::{Channels, Outputs, Parameters, WheeledRobot};
 use wheelstate::{Estimator, Status};
 use wheelstate_identify::log::Log;
-use wheelstate_identify::simulate::{Request, simulate};
+use wheelstate_identify::simulate::Request;
 use wheelstate_identify::tune::replay::Track;
-use wheelstate_identify::vehicle::Vehicle;
+use wheelstate_identify::vehicles::wheeled_robot;
 
 const SCENARIOS: [&str; 6] = ["sine", "vector", "lane-change", "step-steer", "accelerate-brake", "low-friction"];
 
 fn log_with(scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Log {
     let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
     let request = Request { scenario: scenario.to_owned(), seed, settings };
-    simulate(Vehicle::WheeledRobot, &request).unwrap()
+    wheeled_robot::VEHICLE.simulate(&request).unwrap()
 }
 
 fn log(scenario: &str, seed: u64) -> Log {

@@ -6,26 +6,25 @@ use wheelstate::estimator::wheeled_robot::Parameters;
 use wheelstate::model::tire::Tire;
 use wheelstate_identify::log::Log;
 use wheelstate_identify::problem::FitRequest;
-use wheelstate_identify::problem::fit;
-use wheelstate_identify::problem::wheeled_robot::axles::{Instant, axles};
-use wheelstate_identify::problem::wheeled_robot::solve;
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::result::FitReport;
-use wheelstate_identify::simulate::{Request, simulate};
+use wheelstate_identify::simulate::Request;
 use wheelstate_identify::solve::Loss;
-use wheelstate_identify::vehicle::Vehicle;
+use wheelstate_identify::vehicles::wheeled_robot;
+use wheelstate_identify::vehicles::wheeled_robot::problem::axles::{Instant, axles};
+use wheelstate_identify::vehicles::wheeled_robot::problem::solve;
 
 const STIFFNESS: f64 = 1318.464;
 
 fn log(scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Log {
     let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
-    simulate(Vehicle::WheeledRobot, &Request { scenario: scenario.to_owned(), seed, settings }).unwrap()
+    wheeled_robot::VEHICLE.simulate(&Request { scenario: scenario.to_owned(), seed, settings }).unwrap()
 }
 
 fn tires(logs: &[Log], start: &[(&str, f64)]) -> FitReport {
     let settings = start.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
     let request = FitRequest { start: settings, ..FitRequest::default() };
-    let report = fit(Vehicle::WheeledRobot, logs, &request, &Progress::none()).unwrap();
+    let report = wheeled_robot::VEHICLE.fit(logs, &request, &Progress::none()).unwrap();
     for (name, p) in &report.parameters {
         println!("   {name}: {:.4} ± {:.4} {:?}", p.value, p.std_error, p.verdict);
     }
@@ -85,7 +84,7 @@ fn rolling_resistance_needs_torques() {
 fn a_log_without_lateral_speed_is_refused_by_name() {
     let mut log = log("sine", 6, &[]);
     log.channels.retain(|channel| channel.name != "speed_y");
-    let error = fit(Vehicle::WheeledRobot, &[log], &FitRequest::default(), &Progress::none()).unwrap_err();
+    let error = wheeled_robot::VEHICLE.fit(&[log], &FitRequest::default(), &Progress::none()).unwrap_err();
     assert!(error.to_string().contains("speed_y"), "{error}");
 }
 

@@ -6,10 +6,9 @@ use wheelstate::estimator::wheeled_robot::{Channels, Outputs, Parameters, Wheele
 use wheelstate::{Estimator, Variables};
 use wheelstate_identify::log::{ColumnMap, Log};
 use wheelstate_identify::problem::FitRequest;
-use wheelstate_identify::problem::fit;
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::tune::replay::Track;
-use wheelstate_identify::vehicle::Vehicle;
+use wheelstate_identify::vehicles::wheeled_robot;
 
 fn recording(name: &str, map: &str) -> Option<Log> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -76,7 +75,7 @@ fn fitted(log: &Log, p: &Parameters) -> Parameters {
     let names: Vec<String> = Parameters::declare().into_iter().map(|v| v.name).collect();
     let settings = names.into_iter().zip(p.to_vec()).collect();
     let request = FitRequest { settings, ..FitRequest::default() };
-    let report = fit(Vehicle::WheeledRobot, std::slice::from_ref(log), &request, &Progress::none()).unwrap();
+    let report = wheeled_robot::VEHICLE.fit(std::slice::from_ref(log), &request, &Progress::none()).unwrap();
     let mut p = p.clone();
     for (name, parameter) in report.parameters.iter().filter(|(_, q)| q.identified || q.at_bound) {
         println!("   {name} = {:.4} ± {:.4}", parameter.value, parameter.std_error);

@@ -5,14 +5,14 @@ use wheelstate::estimator::wheeled_robot::{Outputs, Parameters, WheeledRobot};
 use wheelstate::{Estimator, Variables};
 use wheelstate_identify::log::Log;
 use wheelstate_identify::progress::Progress;
-use wheelstate_identify::simulate::{Request, simulate};
+use wheelstate_identify::simulate::Request;
 use wheelstate_identify::tune::replay::Track;
-use wheelstate_identify::tune::{Objective, TuneReport, TuneRequest, tune};
-use wheelstate_identify::vehicle::Vehicle;
+use wheelstate_identify::tune::{Objective, TuneReport, TuneRequest};
+use wheelstate_identify::vehicles::wheeled_robot;
 
 fn log(scenario: &str, seed: u64, duration: f64) -> Log {
     let settings = vec![("plant.duration".to_owned(), duration)];
-    simulate(Vehicle::WheeledRobot, &Request { scenario: scenario.to_owned(), seed, settings }).unwrap()
+    wheeled_robot::VEHICLE.simulate(&Request { scenario: scenario.to_owned(), seed, settings }).unwrap()
 }
 
 fn request(objective: Objective) -> TuneRequest {
@@ -59,7 +59,7 @@ fn likelihood_with_floors_generalises_and_repeats_its_bytes() {
     let held_out = [log("lane-change", 3, 10.0)];
     let run = |threads| {
         let request = TuneRequest { threads, ..request(Objective::Nll) };
-        tune(Vehicle::WheeledRobot, &logs, &held_out, &request, &Progress::none()).unwrap()
+        wheeled_robot::VEHICLE.tune(&logs, &held_out, &request, &Progress::none()).unwrap()
     };
     let (one, two) = (run(1), run(2));
     assert_eq!(one.to_json().unwrap(), two.to_json().unwrap());
@@ -87,7 +87,7 @@ fn the_sources_objective_pays_for_following_noise() {
     let logs = [log("sine", 1, 5.0)];
     let mut request = request(Objective::Rmse);
     request.settings.push(("filter.channels".to_owned(), 0.0));
-    let report = tune(Vehicle::WheeledRobot, &logs, &[], &request, &Progress::none()).unwrap();
+    let report = wheeled_robot::VEHICLE.tune(&logs, &[], &request, &Progress::none()).unwrap();
     assert!(report.fit.has_warnings());
     assert!(report.fit.warnings.iter().any(|w| w.contains("degenerate")), "{:?}", report.fit.warnings);
     assert!(report.fit.parameters.values().all(|p| !p.identified));

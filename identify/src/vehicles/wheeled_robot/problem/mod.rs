@@ -11,15 +11,14 @@
 
 pub mod axles;
 
-use super::{FitError, Fitted, Judgement, Prediction, Problem, Session, Target, Task};
 use crate::assess::Limits;
 use crate::log::{Log, LogError};
+use crate::problem::{FitError, Fitted, Judgement, Prediction, Problem, Session, Target, Task};
 use crate::progress::Progress;
 use crate::result::Trace;
 use crate::solve::{
     Loss, Regression, Rows, Scale, Smooth, SmoothGroup, Solution, SolveError, Trust, TrustNorm, Unknown, refine,
 };
-use crate::vehicle::Vehicle;
 use axles::{Axles, Instant, axles};
 use std::f64::consts::{LN_2, LN_10};
 use wheelstate::Variables;
@@ -28,7 +27,7 @@ use wheelstate::model::tire::{Tire, Tires};
 use wheelstate::model::wheeled_robot::WheeledRobot;
 
 /// The problem.
-pub const PROBLEM: Problem = Problem { known: || Vehicle::WheeledRobot.parameters(), targets, estimate, validate };
+pub const PROBLEM: Problem = Problem { targets, estimate, validate };
 
 const AXLES: [&str; 2] = ["front", "rear"];
 const TIRE: [&str; 4] = ["stiffness", "shape", "friction", "curvature"];
@@ -48,7 +47,7 @@ fn name(axle: usize, parameter: usize) -> String {
 }
 
 fn targets(_: &[Log]) -> Vec<Target> {
-    let declared = Vehicle::WheeledRobot.parameters();
+    let declared = Parameters::declare();
     let tire = |axle: usize| {
         let declared = &declared;
         (0..4).map(move |parameter| {
@@ -62,16 +61,8 @@ fn targets(_: &[Log]) -> Vec<Target> {
     tire(0).chain(tire(1)).chain([rolling]).collect()
 }
 
-/// The estimator's parameters with all known values.
-fn parameters(task: &Task) -> Parameters {
-    let values: Vec<f64> = Vehicle::WheeledRobot.parameters().iter().map(|v| task.known.get(&v.name)).collect();
-    let mut parameters = Parameters::default();
-    parameters.read(&values);
-    parameters
-}
-
 fn read(task: &Task) -> Result<(Parameters, Vec<Axles>), LogError> {
-    let p = parameters(task);
+    let p = task.known.parameters::<Parameters>();
     let logs = task.logs.iter().map(|log| axles(log, &p)).collect::<Result<_, _>>()?;
     Ok((p, logs))
 }

@@ -6,30 +6,25 @@
 //! run over the log with the sensors that the log has (`use.*` set by the user override that), or
 //! from columns `tau_<joint>`, such as `identify estimate` writes, for any body.
 
-use super::noise::noise_of;
-use super::{FitError, Judgement, Known, Prediction, Problem, Session, Target, Task};
 use crate::assess::Limits;
 use crate::log::Log;
+use crate::problem::noise::noise_of;
+use crate::problem::{FitError, Judgement, Known, Prediction, Problem, Session, Target, Task};
 use crate::progress::Progress;
 use crate::result::Trace;
 use crate::solve::{Regression, Rows, Unknown};
-use crate::vehicle::Vehicle;
 use wheelstate::estimator::human_dynamics::variables::{GROUPS, JOINTS};
 use wheelstate::estimator::human_dynamics::{HumanDynamics, Inputs, Outputs, Parameters};
 use wheelstate::{Estimator, Status, Variable, Variables};
 
 /// The problem.
-pub const PROBLEM: Problem = Problem { known, targets, estimate, validate };
+pub const PROBLEM: Problem = Problem { targets, estimate, validate };
 
 const PARTS: [(&str, &str); 3] = [("stiffness", "N.m/rad"), ("damping", "N.m.s/rad"), ("rest", "rad")];
 /// Largest standard deviation of the torques, as a share of their own spread, that still tells something.
 const BLUR: f64 = 0.5;
 /// Time over which the errors of the torques hang together, s.
 const CLUSTER: f64 = 0.25;
-
-fn known() -> Vec<Variable> {
-    Vehicle::HumanDynamics.parameters()
-}
 
 /// The joints of the logs: those of the seated body, or whatever has a torque of its own.
 fn joints(logs: &[Log]) -> Vec<String> {
@@ -63,10 +58,7 @@ type Series = Vec<Vec<f64>>;
 
 /// Torques and their standard deviations of one log.
 fn torques(log: &Log, known: &Known, progress: &Progress) -> Result<(Series, Series), FitError> {
-    let mut parameters = Parameters::default();
-    for variable in Parameters::declare() {
-        parameters.set(&variable.name, known.get(&variable.name))?;
-    }
+    let mut parameters: Parameters = known.parameters();
     let inputs = Inputs::declare();
     // a group of sensors is used if the log has all its columns, unless the user said otherwise
     for group in GROUPS {

@@ -30,20 +30,20 @@ pub mod signals;
 pub mod sway;
 mod validate;
 
-use super::weak_form::Bump;
-use super::{FitError, Fitted, Judgement, Known, Problem, Session, Target, Task};
 use crate::assess::Limits;
 use crate::log::Log;
+use crate::problem::weak_form::Bump;
+use crate::problem::{FitError, Fitted, Judgement, Known, Problem, Session, Target, Task};
 use crate::progress::Progress;
 use crate::solve::{Regression, Rows, Unknown};
-use crate::vehicle::Vehicle;
 use refine::{Segment, Setup};
 use rows::{Body, Drive, GRAVITY, Signals, Windows};
 use sway::Passive;
+use wheelstate::Variables;
+use wheelstate::estimator::nursing_robot::Parameters;
 
 /// The problem.
-pub const PROBLEM: Problem =
-    Problem { known: || Vehicle::NursingRobot.parameters(), targets, estimate, validate: validate::validate };
+pub const PROBLEM: Problem = Problem { targets, estimate, validate: validate::validate };
 
 const PITCH: [&str; 3] = ["human.stiffness_pitch", "human.damping_pitch", "human.rest_pitch"];
 const ROLL: [&str; 3] = ["human.stiffness_roll", "human.damping_roll", "human.rest_roll"];
@@ -60,7 +60,7 @@ const ACCELEROMETER_BIAS: f64 = 0.01;
 const ROLLING_ERROR: f64 = 0.2;
 
 fn targets(_: &[Log]) -> Vec<Target> {
-    let declared = Vehicle::NursingRobot.parameters();
+    let declared = Parameters::declare();
     let usual = PITCH.iter().chain(&ROLL).chain(&[ROLLING, EFFICIENCY]).map(|name| (*name, true));
     let others = [ROBOT_MASS, HUMAN_MASS].map(|name| (name, false));
     usual.chain(others).map(|(name, usual)| Target::declared(&declared, name, usual)).collect()

@@ -1,7 +1,7 @@
 //! The wheel loader's scenarios: rough roads, spading, constant torque, accelerating and braking.
 
-use super::{Request, Scenario, SimulateError};
 use crate::log::Log;
+use crate::simulate::{Request, Scenario, SimulateError};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -107,14 +107,13 @@ variables! {
 }
 
 /// Runs a scenario.
-pub fn run(request: &Request) -> Result<Log, SimulateError> {
+pub fn simulate(request: &Request) -> Result<Log, SimulateError> {
     let mut settings = Settings::default();
     for (name, value) in &request.settings {
         settings.set(name, *value)?;
     }
     let Some(course) = Course::named(&request.scenario) else {
-        let known = SCENARIOS.iter().map(|scenario| scenario.name).collect::<Vec<_>>().join(", ");
-        return Err(SimulateError::UnknownScenario { asked: request.scenario.clone(), known });
+        return Err(SimulateError::unknown(&request.scenario, SCENARIOS));
     };
     Ok(drive(course, &settings, request))
 }

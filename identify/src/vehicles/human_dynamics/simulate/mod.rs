@@ -4,8 +4,8 @@ mod bowing;
 mod person;
 mod seated;
 
-use super::{Request, Scenario, SimulateError};
 use crate::log::Log;
+use crate::simulate::{Companion, Request, Scenario, SimulateError};
 
 /// The scenarios.
 pub const SCENARIOS: &[Scenario] = &[
@@ -25,14 +25,11 @@ pub fn simulate(request: &Request) -> Result<Log, SimulateError> {
     match request.scenario.as_str() {
         "bowing" => bowing::simulate(request),
         "seated-braking" => seated::simulate(request),
-        _ => Err(SimulateError::UnknownScenario {
-            asked: request.scenario.clone(),
-            known: SCENARIOS.iter().map(|s| s.name).collect::<Vec<_>>().join(", "),
-        }),
+        _ => Err(SimulateError::unknown(&request.scenario, SCENARIOS)),
     }
 }
 
 /// Files that belong to a scenario's log: ending and text.
-pub fn companions(request: &Request) -> Result<Vec<(&'static str, String)>, SimulateError> {
+pub fn companions(request: &Request) -> Result<Vec<Companion>, SimulateError> {
     if request.scenario == "bowing" { bowing::companions(request) } else { Ok(vec![]) }
 }

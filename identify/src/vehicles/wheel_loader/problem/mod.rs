@@ -17,17 +17,18 @@
 
 mod sample;
 
-use super::{FitError, Fitted, Judgement, Known, Prediction, Problem, Session, Target, Task};
 use crate::assess::Limits;
 use crate::log::Log;
+use crate::problem::{FitError, Fitted, Judgement, Known, Prediction, Problem, Session, Target, Task};
 use crate::result::Trace;
 use crate::solve::{Affine, Constraint, Regression, Rows, Unknown};
-use crate::vehicle::Vehicle;
 use sample::{Machine, Sample, samples};
+use wheelstate::Variables;
+use wheelstate::estimator::wheel_loader::Parameters;
 use wheelstate::model::wheel_loader::GRAVITY;
 
 /// The problem.
-pub const PROBLEM: Problem = Problem { known: || Vehicle::WheelLoader.parameters(), targets, estimate, validate };
+pub const PROBLEM: Problem = Problem { targets, estimate, validate };
 
 const RADII: [&str; 2] = ["loader.wheel_radius_front", "loader.wheel_radius_rear"];
 const ROLLING: &str = "rolling.coefficient";
@@ -58,7 +59,7 @@ const KEEP: f64 = 2.0;
 const UNOBSERVABLE: f64 = 0.25;
 
 fn targets(_: &[Log]) -> Vec<Target> {
-    let declared = Vehicle::WheelLoader.parameters();
+    let declared = Parameters::declare();
     let names = [RADII[0], RADII[1], ROLLING, STIFFNESS, RATIO, HEIGHT];
     names
         .into_iter()

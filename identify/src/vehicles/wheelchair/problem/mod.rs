@@ -13,16 +13,16 @@ pub mod rows;
 pub mod signals;
 mod validate;
 
-use super::{FitError, Judgement, Problem, Session, Target, Task};
 use crate::assess::Limits;
 use crate::log::Log;
+use crate::problem::{FitError, Judgement, Problem, Session, Target, Task};
 use crate::solve::{Affine, Constraint, Regression, Unknown};
-use crate::vehicle::Vehicle;
 use rows::{B, C1, C2, D, FC, IP, M, ML, TAUC, Windows};
+use wheelstate::Variables;
+use wheelstate::estimator::wheelchair::Parameters;
 
 /// The problem.
-pub const PROBLEM: Problem =
-    Problem { known: || Vehicle::Wheelchair.parameters(), targets, estimate, validate: validate::validate };
+pub const PROBLEM: Problem = Problem { targets, estimate, validate: validate::validate };
 
 /// Longest plausible lever from the driven axle to the centre of mass, m.
 pub const LONGEST_LEVER: f64 = 1.0;
@@ -45,7 +45,7 @@ const ACCEL_Y_BIAS: &str = "initial.accel_y_bias";
 const CONDITION: f64 = 1e6;
 
 fn targets(_: &[Log]) -> Vec<Target> {
-    let declared = Vehicle::Wheelchair.parameters();
+    let declared = Parameters::declare();
     let target = |name: &&str| Target::declared(&declared, name, true);
     NAMES
         .iter()

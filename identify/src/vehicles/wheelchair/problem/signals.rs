@@ -4,7 +4,6 @@ use crate::log::Log;
 use crate::problem::{FitError, Known};
 use wheelstate::estimator::wheelchair::Parameters;
 use wheelstate::model::wheelchair::{Chair, wheel_travel};
-use wheelstate::{Estimator, Variables, estimator::wheelchair::Wheelchair};
 
 /// Samples of the running mean whose slope gives speed and yaw rate where products of them are needed.
 const MEAN: usize = 21;
@@ -52,13 +51,7 @@ impl Signals {
 
 /// The chair that the known parameters describe.
 pub fn chair(known: &Known) -> Chair {
-    let mut parameters = Parameters::default();
-    let flat: Vec<f64> = <Wheelchair as Estimator>::Parameters::declare()
-        .iter()
-        .map(|variable| known.find(&variable.name).unwrap_or(variable.start))
-        .collect();
-    parameters.read(&flat);
-    parameters.chair()
+    known.parameters::<Parameters>().chair()
 }
 
 /// The signals of a log.

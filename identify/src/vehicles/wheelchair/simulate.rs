@@ -3,8 +3,8 @@
 //! Settings that are parameters of the estimator describe the plant too: `chair.mass=120` is a heavier
 //! chair. `plant.*` makes the plant differ from what an estimator with these parameters assumes.
 
-use super::{Request, Scenario, SimulateError};
 use crate::log::Log;
+use crate::simulate::{Request, Scenario, SimulateError};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
@@ -117,10 +117,7 @@ pub fn simulate(request: &Request) -> Result<Log, SimulateError> {
         "oblique" => Course::Oblique,
         "yaw-moment" => Course::YawMoment,
         "identification" => Course::Identification,
-        _ => {
-            let known = SCENARIOS.iter().map(|scenario| scenario.name).collect::<Vec<_>>().join(", ");
-            return Err(SimulateError::UnknownScenario { asked: request.scenario.clone(), known });
-        }
+        _ => return Err(SimulateError::unknown(&request.scenario, SCENARIOS)),
     };
     let mut assumed = Parameters::default();
     if course == Course::Identification {

@@ -7,7 +7,7 @@
 use super::person::{Noise, Person};
 use crate::estimate::urdf;
 use crate::log::Log;
-use crate::simulate::{Request, SimulateError};
+use crate::simulate::{Companion, Request, SimulateError};
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 use wheelstate::filter::savitzky_golay::smooth;
@@ -252,7 +252,7 @@ impl Record {
 }
 
 /// The body without the extra weight, and its sensors with the simulated noise.
-pub(super) fn companions(request: &Request) -> Result<Vec<(&'static str, String)>, SimulateError> {
+pub(super) fn companions(request: &Request) -> Result<Vec<Companion>, SimulateError> {
     let Settings { plant, noise } = read(request)?;
     let body = human48(plant.height, plant.mass);
     let weights =

@@ -1,7 +1,7 @@
 //! Four-wheeled robot: manoeuvres with noisy sensors.
 
-use super::{Request, Scenario, SimulateError};
 use crate::log::Log;
+use crate::simulate::{Request, Scenario, SimulateError};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -82,8 +82,7 @@ const WHEELS: [&str; 4] = ["fl", "fr", "rl", "rr"];
 /// Runs a scenario.
 pub fn simulate(request: &Request) -> Result<Log, SimulateError> {
     if !SCENARIOS.iter().any(|scenario| scenario.name == request.scenario) {
-        let known = SCENARIOS.iter().map(|scenario| scenario.name).collect::<Vec<_>>().join(", ");
-        return Err(SimulateError::UnknownScenario { asked: request.scenario.clone(), known });
+        return Err(SimulateError::unknown(&request.scenario, SCENARIOS));
     }
     let (mut parameters, mut simulation) = (Parameters::default(), Simulation::default());
     match request.scenario.as_str() {

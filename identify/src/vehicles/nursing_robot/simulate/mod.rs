@@ -7,8 +7,8 @@
 
 mod settings;
 
-use super::{Request, Scenario, SimulateError};
 use crate::log::Log;
+use crate::simulate::{Request, Scenario, SimulateError};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -132,10 +132,7 @@ pub fn simulate(request: &Request) -> Result<Log, SimulateError> {
 /// Runs a scenario.
 pub fn run(request: &Request) -> Result<Run, SimulateError> {
     let scenario = request.scenario.as_str();
-    let plan = plan(scenario).ok_or_else(|| SimulateError::UnknownScenario {
-        asked: scenario.to_owned(),
-        known: SCENARIOS.iter().map(|s| s.name).collect::<Vec<_>>().join(", "),
-    })?;
+    let plan = plan(scenario).ok_or_else(|| SimulateError::unknown(scenario, SCENARIOS))?;
     let chosen = Chosen::of(request)?;
     let mut rng = ChaCha8Rng::seed_from_u64(request.seed);
     let mut truth = chosen.machine.clone();

@@ -1,0 +1,24 @@
+//! The human body.
+
+pub mod problem;
+pub mod simulate;
+
+use crate::simulate::Simulation;
+use crate::vehicle::{Seat, Vehicle};
+use wheelstate::estimator::human_dynamics::HumanDynamics;
+
+/// The record.
+pub static VEHICLE: Vehicle = Vehicle {
+    name: "human-dynamics",
+    about: "Human body",
+    estimator: Seat::of::<HumanDynamics>(),
+    problem: problem::PROBLEM,
+    simulation: Simulation {
+        scenarios: simulate::SCENARIOS,
+        run: simulate::simulate,
+        companions: simulate::companions,
+    },
+    needed: &[&["q_*"]],
+    noise_floors: |_| Vec::new(),
+    body_tree: true,
+};

@@ -1,0 +1,38 @@
+//! The four-wheeled robot.
+
+pub mod problem;
+pub mod simulate;
+
+use crate::simulate::Simulation;
+use crate::vehicle::{Seat, Vehicle};
+use wheelstate::Variables;
+use wheelstate::estimator::wheeled_robot::{Parameters, WheeledRobot};
+
+/// The record.
+pub static VEHICLE: Vehicle = Vehicle {
+    name: "wheeled-robot",
+    about: "Four-wheeled robot or car",
+    estimator: Seat::of::<WheeledRobot>(),
+    problem: problem::PROBLEM,
+    simulation: Simulation { scenarios: simulate::SCENARIOS, run: simulate::simulate, companions: |_| Ok(Vec::new()) },
+    needed: &[&["steering_angle", "drive_torque_*", "brake_torque_*", "wheel_speed_*", "gyro_z"]],
+    noise_floors,
+    body_tree: false,
+};
+
+/// `(2 sigma_F/m, Kf sigma_delta/m, lf Kf sigma_delta/Iz) dt`, `Kf` of both front wheels: no model predicts better.
+fn noise_floors(parameters: &[f64]) -> Vec<(String, f64)> {
+    let mut p = Parameters::default();
+    p.read(parameters);
+    let (v, o, dt) = (&p.vehicle, &p.observer, p.sample_period);
+    let kappa = (o.gain + o.amplitude * o.width).min(1.9 / dt);
+    let force = p.wheel.inertia / p.wheel.radius * kappa * o.wheel_speed_std * (2.0 / (2.0 - kappa * dt)).sqrt();
+    let steered = p.steering_acceleration_std();
+    [
+        ("filter.process_std.speed_x", 2.0 * force / v.mass),
+        ("filter.process_std.speed_y", steered),
+        ("filter.process_std.yaw_rate", v.cg_to_front * v.mass * steered / v.yaw_inertia),
+    ]
+    .map(|(name, rate)| (name.to_owned(), rate * dt))
+    .to_vec()
+}
