@@ -2,30 +2,37 @@
 
 use crate::support::vector_text;
 use wheelstate::estimator::wheelchair::ekf::{Limits, Noise};
-use wheelstate::model::wheelchair::{Accelerometer, Chair, Dynamics, Gyro};
+use wheelstate::model::wheelchair::{
+    Accelerometer, Chair, ChairParameters, Dynamics, Gyro, ImuParameters, RollingParameters,
+};
 
 /// A parameter set of `params.json` by its name.
 pub fn reference_chair(variant: &str) -> Chair {
     let all: serde_json::Value = serde_json::from_str(&vector_text("wheelchair/params.json")).unwrap();
     let p = &all["params"][variant];
     let number = |name: &str| p[name].as_f64().unwrap_or_else(|| panic!("no {name} in {variant}"));
-    Chair {
+    let body = ChairParameters {
         mass: number("M"),
         yaw_inertia: number("Ic"),
         com_ahead: number("l"),
         drag: number("D"),
         yaw_drag: number("B"),
-        rolling_coefficient: number("crr"),
-        smoothing_speed: number("vs"),
         yaw_friction: number("tauc"),
+        wheel_radius: number("R"),
+        reference_to_right: number("r1"),
+        reference_to_left: number("r2"),
+        ..ChairParameters::default()
+    };
+    let rolling = RollingParameters {
+        coefficient: number("crr"),
+        smoothing_speed: number("vs"),
         smoothing_yaw_rate: number("ws"),
+    };
+    let imu = ImuParameters { x: number("dx"), y: number("dy"), z: number("dz") };
+    Chair {
         rotating_mass: number("mrot"),
         rotating_inertia: number("irot"),
         gravity: number("g"),
-        lever: [number("dx"), number("dy"), number("dz")],
-        wheel_radius: number("R"),
-        to_right: number("r1"),
-        to_left: number("r2"),
         heading_reference: number("alpha_ref"),
         pitch_travel: number("renc"),
         dynamics: if p["dyn"] == "paper" { Dynamics::Paper } else { Dynamics::Full },
@@ -35,6 +42,7 @@ pub fn reference_chair(variant: &str) -> Chair {
             _ => Gyro::Body,
         },
         accelerometer: if p["acc"] == "paper" { Accelerometer::Paper } else { Accelerometer::Rigid },
+        ..Chair::new(body, rolling, imu)
     }
 }
 

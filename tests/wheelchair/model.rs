@@ -3,6 +3,7 @@
 use super::chairs::reference_chair;
 use crate::support::{assert_close, vector_table, vector_text};
 use nalgebra::{SMatrix, SVector};
+use wheelstate::estimator::wheelchair::attitude::attitude;
 use wheelstate::filter::discretise::{runge_kutta, transition, white_rate_noise};
 use wheelstate::model::wheelchair::{self as model, Command, Output, biased_gravity, gravity};
 
@@ -213,7 +214,7 @@ fn gravity_form_agrees_with_heading_and_slope() {
         let ((sa, ca), (sx, cx)) = (x[1].sin_cos(), x[4].sin_cos());
         let g = gravity::State::from([x[0], x[1], x[2], x[3], sa * sx, ca * sx, x[5] * sa, x[5] * ca]);
         // Less what the tilt's rate does in second order through the sensor's lever.
-        let (p, q, [dx, dy, dz]) = (g[gravity::WR], -g[gravity::WP], chair.lever);
+        let (p, q, [dx, dy, dz]) = (g[gravity::WR], -g[gravity::WP], chair.lever());
         let centripetal = [0.0, 0.0, 0.0, p * q * dy - dx * q * q, p * q * dx - dy * p * p, -dz * (p * p + q * q)];
         let expected = model::output(&chair, &x, &u, still) - Output::from(centripetal);
         close("h", &gravity::output(&chair, &g, &u, still), &expected);
@@ -232,12 +233,12 @@ fn gravity_form_agrees_with_heading_and_slope() {
 fn attitude_of_flat_ground_claims_nothing() {
     let mut x = gravity::State::zeros();
     let covariance = SMatrix::from_diagonal(&SVector::from([1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-4, 1e-4]));
-    let flat = gravity::attitude(&x, &covariance);
-    assert_close("heading std", flat.heading_std, std::f64::consts::PI / 3.0_f64.sqrt(), 1e-12, 0.0);
-    assert!(flat.slope_std >= 1e-3 && flat.slope == 0.0);
+    let flat = attitude(&x, &covariance);
+    assert_close("heading std", flat.heading.std, std::f64::consts::PI / 3.0_f64.sqrt(), 1e-12, 0.0);
+    assert!(flat.slope.std >= 1e-3 && flat.slope.value == 0.0);
     x[gravity::GX] = 0.08;
-    let climbing = gravity::attitude(&x, &covariance);
-    assert_close("heading", climbing.heading, std::f64::consts::FRAC_PI_2, 1e-12, 0.0);
-    assert_close("heading std", climbing.heading_std, 1e-3 / 0.08, 1e-9, 0.0);
-    assert_close("pitch", climbing.pitch, 0.08_f64.asin(), 1e-12, 0.0);
+    let climbing = attitude(&x, &covariance);
+    assert_close("heading", climbing.heading.value, std::f64::consts::FRAC_PI_2, 1e-12, 0.0);
+    assert_close("heading std", climbing.heading.std, 1e-3 / 0.08, 1e-9, 0.0);
+    assert_close("pitch", climbing.pitch.value, 0.08_f64.asin(), 1e-12, 0.0);
 }

@@ -294,7 +294,7 @@ impl<F> ChairEkf<F> {
             let turning = jacobian.row(1) * lever;
             let mut travel = jacobian.row_mut(0);
             travel += turning;
-            let per_wheel = self.chair.wheel_radius * self.noise.encoder;
+            let per_wheel = self.chair.body.wheel_radius * self.noise.encoder;
             noise[(0, 0)] = per_wheel * per_wheel;
         } else {
             innovation[1] = wrap(innovation[1]);

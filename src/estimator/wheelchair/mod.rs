@@ -22,6 +22,7 @@
 //! unmodelled force and the bias of the forward accelerometer look like slope too, until the drive
 //! force changes; `bias` and `gravity_vector` carry the force's errors as states, `basic` takes force and mass as true.
 
+pub mod attitude;
 pub mod ekf;
 mod forms;
 mod outliers;
@@ -33,8 +34,8 @@ mod wheels;
 
 pub use forms::{Basic, Biased, GravityVector, Mover};
 pub use parameters::{
-    ChairParameters, EncoderParameters, FilterParameters, ImuParameters, InitialParameters, Kind, LimitParameters,
-    MeasurementParameters, Model, Parameters, ProcessParameters, RollingParameters, StandstillParameters, Zero,
+    EncoderParameters, FilterParameters, InitialParameters, Kind, LimitParameters, MeasurementParameters, Model,
+    Parameters, ProcessParameters, StandstillParameters, Zero,
 };
 pub use variables::{Inputs, Outputs};
 

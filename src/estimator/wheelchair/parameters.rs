@@ -2,7 +2,10 @@
 
 use super::ekf::{Limits, Noise};
 use crate::filter::innovation::Gate;
-use crate::model::wheelchair::{Accelerometer, Chair, Dynamics, Gyro};
+use crate::model::STANDARD_GRAVITY;
+use crate::model::wheelchair::{
+    Accelerometer, Chair, ChairParameters, Dynamics, Gyro, ImuParameters, RollingParameters,
+};
 use crate::{ParameterError, Variables};
 use std::f64::consts::PI;
 
@@ -24,56 +27,6 @@ crate::choice! {
 crate::choice! {
     /// What the wheel angles count from.
     pub enum Zero { Auto = "auto", Absolute = "absolute", FirstSample = "first_sample" }
-}
-
-crate::variables! {
-    /// The chair with its user.
-    pub struct ChairParameters {
-        /// Mass of chair and user.
-        mass: f64 = 100.0, "kg", [1.0, 1e4];
-        /// Yaw inertia of chair and user about their common centre of mass.
-        yaw_inertia: f64 = 7.0, "kg.m2", [1e-3, 1e5];
-        /// Distance of the centre of mass ahead of the driven axle.
-        com_ahead: f64 = 0.12, "m", [-2.0, 2.0];
-        /// Viscous drag against the speed.
-        drag: f64 = 12.0, "N.s/m", [0.0, 1e4];
-        /// Viscous drag against the yaw rate.
-        yaw_drag: f64 = 3.0, "N.m.s/rad", [0.0, 1e4];
-        /// Dry friction against turning, mostly of the casters.
-        yaw_friction: f64 = 0.0, "N.m", [0.0, 1e3];
-        /// Radius of the driven wheels.
-        wheel_radius: f64 = 0.305, "m", [0.01, 2.0];
-        /// Distance from the encoder reference point to the right wheel; half the track for the axle's midpoint.
-        reference_to_right: f64 = 0.28, "m", [1e-3, 5.0];
-        /// Distance from the encoder reference point to the left wheel; half the track for the axle's midpoint.
-        reference_to_left: f64 = 0.26, "m", [1e-3, 5.0];
-        /// Spin inertia of one driven wheel with what turns with it.
-        wheel_inertia: f64 = 0.0, "kg.m2", [0.0, 1e3];
-    }
-}
-
-crate::variables! {
-    /// Rolling resistance.
-    pub struct RollingParameters {
-        /// Rolling resistance coefficient; 0.01 to 0.02 on a hard floor.
-        coefficient: f64 = 0.0, "1", [0.0, 1.0];
-        /// Speed around standstill over which rolling resistance builds up.
-        smoothing_speed: f64 = 0.05, "m/s", [1e-4, 10.0];
-        /// Yaw rate around standstill over which dry yaw friction builds up.
-        smoothing_yaw_rate: f64 = 0.03, "rad/s", [1e-4, 10.0];
-    }
-}
-
-crate::variables! {
-    /// Where the accelerometer sits.
-    pub struct ImuParameters {
-        /// Accelerometer ahead of the driven axle's midpoint.
-        x: f64 = 0.10, "m", [-5.0, 5.0];
-        /// Accelerometer to the left of the driven axle's midpoint.
-        y: f64 = 0.01, "m", [-5.0, 5.0];
-        /// Accelerometer above the driven axle's midpoint.
-        z: f64 = 0.10, "m", [-5.0, 5.0];
-    }
 }
 
 crate::variables! {
@@ -234,7 +187,7 @@ crate::variables! {
         /// Time between two samples.
         sample_period: f64 = 0.01, "s", [1e-5, 1.0];
         /// Gravity.
-        gravity: f64 = 9.80665, "m/s2", [0.1, 30.0];
+        gravity: f64 = STANDARD_GRAVITY, "m/s2", [0.1, 30.0];
         /// The chair with its user.
         chair: ChairParameters;
         /// Rolling resistance.
@@ -257,35 +210,18 @@ crate::variables! {
 impl Parameters {
     /// The chair that these parameters describe.
     pub fn chair(&self) -> Chair {
-        let p = &self.chair;
-        let half_track = 0.5 * (p.reference_to_right + p.reference_to_left);
-        let per_radius = 2.0 * p.wheel_inertia / (p.wheel_radius * p.wheel_radius);
         let (dynamics, gyro, accelerometer) = match self.filter.model {
             Model::Paper => (Dynamics::Paper, Gyro::Paper, Accelerometer::Paper),
             Model::Full => (Dynamics::Full, Gyro::Body, Accelerometer::Rigid),
         };
         Chair {
-            mass: p.mass,
-            yaw_inertia: p.yaw_inertia,
-            com_ahead: p.com_ahead,
-            drag: p.drag,
-            yaw_drag: p.yaw_drag,
-            rolling_coefficient: self.rolling.coefficient,
-            smoothing_speed: self.rolling.smoothing_speed,
-            yaw_friction: p.yaw_friction,
-            smoothing_yaw_rate: self.rolling.smoothing_yaw_rate,
-            rotating_mass: per_radius,
-            rotating_inertia: per_radius * half_track * half_track,
             gravity: self.gravity,
-            lever: [self.imu.x, self.imu.y, self.imu.z],
-            wheel_radius: p.wheel_radius,
-            to_right: p.reference_to_right,
-            to_left: p.reference_to_left,
             heading_reference: self.initial.heading,
-            pitch_travel: if self.encoder.counts_body_pitch { p.wheel_radius } else { 0.0 },
+            pitch_travel: if self.encoder.counts_body_pitch { self.chair.wheel_radius } else { 0.0 },
             dynamics,
             gyro,
             accelerometer,
+            ..Chair::new(self.chair, self.rolling, self.imu)
         }
     }
 

@@ -1,5 +1,6 @@
 //! The outputs: what the filter knows, carried forward and in the user's terms.
 
+use super::attitude::{Attitude, attitude};
 use super::ekf::Drive;
 use super::{ChairBelief, ChairMachine, Inputs, Outputs, State};
 use crate::filter::gaussian::Gaussian;
@@ -26,10 +27,7 @@ impl ChairBelief {
         let slope = match self {
             Self::Basic(belief) => estimate(&belief.mean, belief, model::XI),
             Self::Biased(belief) => estimate(&belief.mean, belief, model::XI),
-            Self::Gravity(belief) => {
-                let attitude = attitude(&belief.mean, belief);
-                Estimate::new(attitude.slope, attitude.slope_std)
-            }
+            Self::Gravity(belief) => attitude_of(&belief.mean, belief).slope,
         };
         slope.value.abs() > SIGNIFICANT * slope.std
     }
@@ -102,17 +100,15 @@ fn report_biases<const N: usize>(
     outputs.force_offset = estimate(x, belief, force + 1);
 }
 
-fn attitude(x: &biased_gravity::State, belief: &Gaussian<14>) -> gravity::Attitude {
-    gravity::attitude(&biased_gravity::chair_state(x), &belief.covariance.fixed_view::<8, 8>(0, 0).into_owned())
+fn attitude_of(x: &biased_gravity::State, belief: &Gaussian<14>) -> Attitude {
+    attitude(&biased_gravity::chair_state(x), &belief.covariance.fixed_view::<8, 8>(0, 0).into_owned())
 }
 
 fn report_gravity(mean: &biased_gravity::State, belief: &Gaussian<14>, outputs: &mut Outputs) {
-    let attitude = attitude(mean, belief);
+    let Attitude { heading, slope, slope_rate, pitch } = attitude_of(mean, belief);
     outputs.distance = estimate(mean, belief, gravity::S);
     outputs.speed = estimate(mean, belief, gravity::V);
     outputs.yaw_rate = estimate(mean, belief, gravity::R);
-    outputs.heading = Estimate::new(attitude.heading, attitude.heading_std);
-    outputs.slope = Estimate::new(attitude.slope, attitude.slope_std);
-    outputs.slope_rate = Estimate::new(attitude.slope_rate, attitude.slope_rate_std);
-    outputs.pitch = Estimate::new(attitude.pitch, attitude.pitch_std);
+    (outputs.heading, outputs.slope) = (heading, slope);
+    (outputs.slope_rate, outputs.pitch) = (slope_rate, pitch);
 }

@@ -81,9 +81,9 @@ impl Wheels {
         mode: Zero,
     ) -> Readings {
         let mut result = Readings::default();
-        let half_track = 0.5 * chair.track();
+        let half_track = 0.5 * chair.body.track();
         for (k, side) in [half_track, -half_track].into_iter().enumerate() {
-            let turning = (speed + side * yaw_rate) / chair.wheel_radius;
+            let turning = (speed + side * yaw_rate) / chair.body.wheel_radius;
             let angle = self.0[k].read(readings[k], turning, dt, step_limit, mode, &mut result);
             result.angles[k] = angle;
         }
@@ -94,14 +94,18 @@ impl Wheels {
 /// The measurement rows of these wheel angles and of gyro and accelerometer.
 pub fn sample(chair: &Chair, [right, left]: [f64; 2], gyro: f64, accel: [f64; 3]) -> Sample {
     let inertial = |s, alpha| Output::new(s, alpha, gyro, accel[0], accel[1], accel[2]);
-    let radius = chair.wheel_radius;
+    let radius = chair.body.wheel_radius;
     match (right.is_finite(), left.is_finite()) {
         (true, true) => {
             let (travel, heading) = wheel_travel(chair, right, left);
             inertial(travel, heading).into()
         }
-        (true, false) => Sample { values: inertial(radius * right, f64::NAN), single_wheel: Some(chair.to_right) },
-        (false, true) => Sample { values: inertial(radius * left, f64::NAN), single_wheel: Some(-chair.to_left) },
+        (true, false) => {
+            Sample { values: inertial(radius * right, f64::NAN), single_wheel: Some(chair.body.reference_to_right) }
+        }
+        (false, true) => {
+            Sample { values: inertial(radius * left, f64::NAN), single_wheel: Some(-chair.body.reference_to_left) }
+        }
         (false, false) => inertial(f64::NAN, f64::NAN).into(),
     }
 }

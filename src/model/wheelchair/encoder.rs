@@ -6,15 +6,19 @@ use super::Chair;
 /// (eq. 9, 10 with the sides named and the constant of integration):
 /// `s_enc = R (r2 theta_r + r1 theta_l)/T`, `alpha_enc = alpha_ref + R (theta_r - theta_l)/T`.
 pub fn wheel_travel(chair: &Chair, right: f64, left: f64) -> (f64, f64) {
-    let scale = chair.wheel_radius / chair.track();
-    (scale * (chair.to_left * right + chair.to_right * left), chair.heading_reference + scale * (right - left))
+    let scale = chair.body.wheel_radius / chair.body.track();
+    (
+        scale * (chair.body.reference_to_left * right + chair.body.reference_to_right * left),
+        chair.heading_reference + scale * (right - left),
+    )
 }
 
 /// The inverse of [`wheel_travel`]: wheel angles right and left, rad.
 pub fn wheel_angles(chair: &Chair, travel: f64, heading: f64) -> (f64, f64) {
     let turned = heading - chair.heading_reference;
-    let (right, left) = (travel + chair.to_right * turned, travel - chair.to_left * turned);
-    (right / chair.wheel_radius, left / chair.wheel_radius)
+    let (right, left) =
+        (travel + chair.body.reference_to_right * turned, travel - chair.body.reference_to_left * turned);
+    (right / chair.body.wheel_radius, left / chair.body.wheel_radius)
 }
 
 /// Unwraps a hardware counter of `bits` bits into a count that never overflows.

@@ -13,8 +13,7 @@
 
 use super::motion::motion;
 use super::{Chair, Command, Output};
-use nalgebra::{Matrix2, SMatrix, SVector, Vector3};
-use std::f64::consts::PI;
+use nalgebra::{SMatrix, SVector, Vector3};
 
 /// State `[s, psi, v, r, gx, gy, wp, wr]`.
 pub type State = SVector<f64, 8>;
@@ -117,7 +116,7 @@ pub fn output(chair: &Chair, x: &State, u: &Command, still: bool) -> Output {
 
 fn reading(chair: &Chair, x: &State, a: &Accelerations) -> Output {
     let (v, r, p, q, g) = (x[V], x[R], x[WR], -x[WP], chair.gravity);
-    let [dx, dy, _] = chair.lever;
+    let [dx, dy, _] = chair.lever();
     Output::new(
         x[S] - chair.reference_offset() * (x[PSI] - chair.heading_reference),
         x[PSI],
@@ -132,7 +131,7 @@ fn reading(chair: &Chair, x: &State, a: &Accelerations) -> Output {
 pub fn observe(chair: &Chair, x: &State, u: &Command, still: bool) -> (Output, SMatrix<f64, 6, 8>) {
     let a = accelerations(chair, x, u, still);
     let (v, r, p, q, g) = (x[V], x[R], x[WR], -x[WP], chair.gravity);
-    let [dx, dy, _] = chair.lever;
+    let [dx, dy, _] = chair.lever();
     let mut jacobian = SMatrix::<f64, 6, 8>::zeros();
     jacobian[(0, S)] = 1.0;
     jacobian[(0, PSI)] = -chair.reference_offset();
@@ -158,63 +157,39 @@ pub fn observe(chair: &Chair, x: &State, u: &Command, still: bool) -> (Output, S
 
 /// What `wp'` and `wr'` add to the accelerometer per rad/s^2, m; the model leaves both to the noise.
 pub fn tilt_levers(chair: &Chair) -> [Vector3<f64>; 2] {
-    let [dx, dy, dz] = chair.lever;
+    let [dx, dy, dz] = chair.lever();
     [Vector3::new(-dz, 0.0, dx), Vector3::new(0.0, -dz, dy)]
 }
 
-/// Heading, slope, slope rate and pitch with their standard deviations, by the delta method.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Attitude {
-    /// Heading against the contour line, rad, in (-pi, pi].
-    pub heading: f64,
-    /// Its standard deviation, at most `pi / sqrt(3)`: that of a heading of which nothing is known.
-    pub heading_std: f64,
-    /// Slope, rad, not negative.
-    pub slope: f64,
-    /// Its standard deviation.
-    pub slope_std: f64,
-    /// Rate of the slope, rad/s.
-    pub slope_rate: f64,
-    /// Its standard deviation.
-    pub slope_rate_std: f64,
-    /// Nose-up pitch, rad.
-    pub pitch: f64,
-    /// Its standard deviation.
-    pub pitch_std: f64,
+/// Size of the tilt `sin(xi) = |(gx, gy)|`, at most 1, and the unit vector along it in body axes; on flat ground any.
+pub fn tilt(x: &State) -> (f64, [f64; 2]) {
+    let tilt = x[GX].hypot(x[GY]).min(1.0);
+    (tilt, if tilt > LEVEL { [x[GX] / tilt, x[GY] / tilt] } else { [1.0, 0.0] })
 }
 
-/// Attitude from the mean and the covariance of the state.
-///
-/// Where the slope is smaller than its own uncertainty the delta method would divide by zero; there
-/// the heading counts as unknown and every direction of the tilt counts for the slope. Not much above
-/// it the tilt may point the other way, which the heading's standard deviation contains.
-pub fn attitude(x: &State, covariance: &SMatrix<f64, 8, 8>) -> Attitude {
-    let block = covariance.fixed_view::<2, 2>(GX, GX).into_owned();
-    let rates = covariance.fixed_view::<2, 2>(WP, WP).into_owned();
-    let (gx, gy) = (x[GX], x[GY]);
-    let tilt = gx.hypot(gy).min(1.0);
-    let cosine = (1.0 - tilt * tilt).max(1e-6).sqrt();
-    let spread = block.trace();
-    let unknown = PI / 3.0_f64.sqrt();
-    let quadratic =
-        |m: &Matrix2<f64>, a: f64, b: f64| (a * a * m[(0, 0)] + 2.0 * a * b * m[(0, 1)] + b * b * m[(1, 1)]).max(0.0);
-    // Unit vector along the tilt; any direction will do on flat ground.
-    let (ux, uy) = if tilt > 1e-12 { (gx / tilt, gy / tilt) } else { (1.0, 0.0) };
-    let (along, across) = (quadratic(&block, ux, uy), quadratic(&block, uy, -ux));
-    // A tilt that may as well point the other way makes the heading wrong by half a turn; Chernoff's bound of that.
-    let turned = 0.5 * (-0.5 * tilt * tilt / along.max(1e-24)).exp();
-    let heading_variance = (1.0 - turned) * across / (tilt * tilt).max(1e-24) + turned * PI * PI;
-    let flat = tilt * tilt <= spread;
-    let rate_spread = rates.trace();
-    let slope_rate_variance = quadratic(&rates, ux, uy) + if flat { rate_spread } else { 0.0 };
-    Attitude {
-        heading: if tilt > 1e-12 { gx.atan2(gy) } else { 0.0 },
-        heading_std: heading_variance.sqrt().min(unknown),
+/// A tilt of which no direction can be told.
+const LEVEL: f64 = 1e-12;
+
+/// Heading and slope of a chair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Heading against the contour line, rad, in (-pi, pi]; 0 on flat ground.
+    pub heading: f64,
+    /// Slope, rad, not negative.
+    pub slope: f64,
+    /// Rate of the slope, rad/s.
+    pub slope_rate: f64,
+    /// Nose-up pitch, rad.
+    pub pitch: f64,
+}
+
+/// `alpha = atan2(gx, gy)`, `xi = asin |(gx, gy)|`, `w` and `phi = asin gx`.
+pub fn pose(x: &State) -> Pose {
+    let (tilt, [ux, uy]) = tilt(x);
+    Pose {
+        heading: if tilt > LEVEL { x[GX].atan2(x[GY]) } else { 0.0 },
         slope: tilt.asin(),
-        slope_std: if flat { spread.sqrt() } else { along.sqrt() / cosine },
         slope_rate: ux * x[WP] + uy * x[WR],
-        slope_rate_std: slope_rate_variance.sqrt(),
-        pitch: gx.clamp(-1.0, 1.0).asin(),
-        pitch_std: (block[(0, 0)].max(0.0) / (1.0 - gx * gx).max(1e-6)).sqrt(),
+        pitch: x[GX].clamp(-1.0, 1.0).asin(),
     }
 }

@@ -107,46 +107,86 @@ pub enum Accelerometer {
     Rigid,
 }
 
-/// What is fixed about a chair with its user.
+variables! {
+    /// The chair with its user.
+    #[derive(Copy)]
+    pub struct ChairParameters {
+        /// Mass of chair and user (M).
+        mass: f64 = 100.0, "kg", [1.0, 1e4];
+        /// Yaw inertia of chair and user about their common centre of mass (Ic).
+        yaw_inertia: f64 = 7.0, "kg.m2", [1e-3, 1e5];
+        /// Distance of the centre of mass ahead of the driven axle (l).
+        com_ahead: f64 = 0.12, "m", [-2.0, 2.0];
+        /// Viscous drag against the speed (D).
+        drag: f64 = 12.0, "N.s/m", [0.0, 1e4];
+        /// Viscous drag against the yaw rate (B).
+        yaw_drag: f64 = 3.0, "N.m.s/rad", [0.0, 1e4];
+        /// Dry friction against turning, mostly of the casters (tauc).
+        yaw_friction: f64 = 0.0, "N.m", [0.0, 1e3];
+        /// Radius of the driven wheels (R).
+        wheel_radius: f64 = 0.305, "m", [0.01, 2.0];
+        /// Distance from the encoder reference point to the right wheel; half the track for the axle's midpoint (r1).
+        reference_to_right: f64 = 0.28, "m", [1e-3, 5.0];
+        /// Distance from the encoder reference point to the left wheel; half the track for the axle's midpoint (r2).
+        reference_to_left: f64 = 0.26, "m", [1e-3, 5.0];
+        /// Spin inertia of one driven wheel with what turns with it.
+        wheel_inertia: f64 = 0.0, "kg.m2", [0.0, 1e3];
+    }
+}
+
+variables! {
+    /// Rolling resistance.
+    #[derive(Copy)]
+    pub struct RollingParameters {
+        /// Rolling resistance coefficient; 0.01 to 0.02 on a hard floor (crr).
+        coefficient: f64 = 0.0, "1", [0.0, 1.0];
+        /// Speed around standstill over which rolling resistance builds up (vs).
+        smoothing_speed: f64 = 0.05, "m/s", [1e-4, 10.0];
+        /// Yaw rate around standstill over which dry yaw friction builds up (ws).
+        smoothing_yaw_rate: f64 = 0.03, "rad/s", [1e-4, 10.0];
+    }
+}
+
+variables! {
+    /// Where the accelerometer sits.
+    #[derive(Copy)]
+    pub struct ImuParameters {
+        /// Accelerometer ahead of the driven axle's midpoint (dx).
+        x: f64 = 0.10, "m", [-5.0, 5.0];
+        /// Accelerometer to the left of the driven axle's midpoint (dy).
+        y: f64 = 0.01, "m", [-5.0, 5.0];
+        /// Accelerometer above the driven axle's midpoint (dz).
+        z: f64 = 0.10, "m", [-5.0, 5.0];
+    }
+}
+
+impl ChairParameters {
+    /// Distance between the driven wheels, m (T).
+    pub fn track(&self) -> f64 {
+        self.reference_to_right + self.reference_to_left
+    }
+}
+
+/// A chair with its user, its sensors and the equations that describe them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chair {
-    /// Mass of chair and user, kg (M).
-    pub mass: f64,
-    /// Yaw inertia about the centre of mass, kg m^2 (Ic).
-    pub yaw_inertia: f64,
-    /// Centre of mass ahead of the driven axle, m (l).
-    pub com_ahead: f64,
-    /// Viscous drag, N s/m (D).
-    pub drag: f64,
-    /// Viscous yaw drag, N m s/rad (B).
-    pub yaw_drag: f64,
-    /// Rolling resistance coefficient, 1 (crr).
-    pub rolling_coefficient: f64,
-    /// Speed at which rolling resistance is at tanh(1) of its value, m/s (vs).
-    pub smoothing_speed: f64,
-    /// Dry yaw friction, N m (tauc).
-    pub yaw_friction: f64,
-    /// Yaw rate at which dry yaw friction is at tanh(1) of its value, rad/s (ws).
-    pub smoothing_yaw_rate: f64,
-    /// Mass equivalent of the spinning wheels, kg (mrot).
-    pub rotating_mass: f64,
-    /// Yaw inertia equivalent of the spinning wheels, kg m^2 (irot).
-    pub rotating_inertia: f64,
+    /// Chair and user.
+    pub body: ChairParameters,
+    /// Rolling resistance.
+    pub rolling: RollingParameters,
+    /// Where the accelerometer sits.
+    pub imu: ImuParameters,
     /// Gravity, m/s^2.
     pub gravity: f64,
-    /// Accelerometer position in the body frame, m [dx, dy, dz].
-    pub lever: [f64; 3],
-    /// Radius of the driven wheels, m.
-    pub wheel_radius: f64,
-    /// Encoder reference point to the right wheel, m (r1).
-    pub to_right: f64,
-    /// Encoder reference point to the left wheel, m (r2).
-    pub to_left: f64,
     /// Heading at which both encoders read zero, rad.
     pub heading_reference: f64,
     /// Encoder travel per radian of body pitch, m: the wheel radius if the encoders count rotation
     /// relative to the frame, 0 if relative to the ground (renc).
     pub pitch_travel: f64,
+    /// Mass equivalent of the spinning wheels, kg (mrot); follows from their inertia.
+    pub rotating_mass: f64,
+    /// Yaw inertia equivalent of the spinning wheels, kg m^2 (irot); follows from their inertia.
+    pub rotating_inertia: f64,
     /// Equations of motion.
     pub dynamics: Dynamics,
     /// What the gyro reads.
@@ -156,27 +196,48 @@ pub struct Chair {
 }
 
 impl Chair {
-    /// Distance between the driven wheels, m (T).
-    pub fn track(&self) -> f64 {
-        self.to_right + self.to_left
+    /// A chair under standard gravity whose encoders count rotation relative to the ground and read zero at heading
+    /// zero, with the full equations.
+    pub fn new(body: ChairParameters, rolling: RollingParameters, imu: ImuParameters) -> Self {
+        let half_track = 0.5 * body.track();
+        let rotating_mass = 2.0 * body.wheel_inertia / (body.wheel_radius * body.wheel_radius);
+        Self {
+            body,
+            rolling,
+            imu,
+            gravity: super::STANDARD_GRAVITY,
+            heading_reference: 0.0,
+            pitch_travel: 0.0,
+            rotating_mass,
+            rotating_inertia: rotating_mass * half_track * half_track,
+            dynamics: Dynamics::Full,
+            gyro: Gyro::Body,
+            accelerometer: Accelerometer::Rigid,
+        }
+    }
+
+    /// Accelerometer position in the body frame, m, `[dx, dy, dz]`.
+    pub fn lever(&self) -> [f64; 3] {
+        [self.imu.x, self.imu.y, self.imu.z]
     }
 
     /// Encoder reference point to the left of the axle's midpoint, m (yP).
     pub fn reference_offset(&self) -> f64 {
-        0.5 * (self.to_right - self.to_left)
+        0.5 * (self.body.reference_to_right - self.body.reference_to_left)
     }
 
     /// Inertial mass along the heading, kg [M + mrot].
     fn inertial_mass(&self) -> f64 {
         match self.dynamics {
-            Dynamics::Paper => self.mass,
-            Dynamics::Full => self.mass + self.rotating_mass,
+            Dynamics::Paper => self.body.mass,
+            Dynamics::Full => self.body.mass + self.rotating_mass,
         }
     }
 
     /// Yaw inertia about the driven axle, kg m^2 [IP + irot, IP = Ic + M l^2].
     fn inertia_at_axle(&self) -> f64 {
-        let about_axle = self.yaw_inertia + self.mass * self.com_ahead * self.com_ahead;
+        let body = &self.body;
+        let about_axle = body.yaw_inertia + body.mass * body.com_ahead * body.com_ahead;
         match self.dynamics {
             Dynamics::Paper => about_axle,
             Dynamics::Full => about_axle + self.rotating_inertia,

@@ -17,15 +17,16 @@ pub(super) struct Motion {
 /// partial derivatives does not pay for them.
 #[inline(always)]
 pub(super) fn motion(chair: &Chair, v: f64, r: f64, [gx, gy, gz]: [f64; 3], u: &Command) -> Motion {
-    let (mass, l) = (chair.mass, chair.com_ahead);
+    let (mass, l) = (chair.body.mass, chair.body.com_ahead);
     let weight = mass * chair.gravity;
-    let mut force = u[0] - chair.drag * v - weight * gx;
-    let mut moment = u[1] - chair.yaw_drag * r - weight * l * gy;
-    let mut along = [-chair.drag, 0.0, -weight, 0.0, 0.0];
-    let mut about = [0.0, -chair.yaw_drag, 0.0, -weight * l, 0.0];
+    let mut force = u[0] - chair.body.drag * v - weight * gx;
+    let mut moment = u[1] - chair.body.yaw_drag * r - weight * l * gy;
+    let mut along = [-chair.body.drag, 0.0, -weight, 0.0, 0.0];
+    let mut about = [0.0, -chair.body.yaw_drag, 0.0, -weight * l, 0.0];
     if chair.dynamics == Dynamics::Full {
-        let (rolling, rolling_slope) = dry_friction(weight * chair.rolling_coefficient, v, chair.smoothing_speed);
-        let (turning, turning_slope) = dry_friction(chair.yaw_friction, r, chair.smoothing_yaw_rate);
+        let (rolling, rolling_slope) =
+            dry_friction(weight * chair.rolling.coefficient, v, chair.rolling.smoothing_speed);
+        let (turning, turning_slope) = dry_friction(chair.body.yaw_friction, r, chair.rolling.smoothing_yaw_rate);
         force += mass * l * r * r - rolling * gz;
         moment -= mass * l * v * r + turning;
         along[0] -= rolling_slope * gz;

@@ -44,7 +44,7 @@ pub fn observe(chair: &Chair, x: &State, u: &Command, still: bool) -> Observatio
 fn reading(chair: &Chair, x: &State, trig: &Trig, a: &Accelerations) -> Output {
     let Trig { sa, ca, sx, cx } = *trig;
     let (v, r, w, g) = (x[V], x[R], x[W], chair.gravity);
-    let [dx, dy, dz] = chair.lever;
+    let [dx, dy, dz] = chair.lever();
     let gyro = match chair.gyro {
         Gyro::Body => w * sa,
         Gyro::Paper => r * ca * sx + w * sa * cx,
@@ -68,7 +68,7 @@ fn reading(chair: &Chair, x: &State, trig: &Trig, a: &Accelerations) -> Output {
 fn sensitivity(chair: &Chair, x: &State, trig: &Trig, a: &Accelerations) -> SMatrix<f64, 6, 6> {
     let Trig { sa, ca, sx, cx } = *trig;
     let (v, r, w, g) = (x[V], x[R], x[W], chair.gravity);
-    let [dx, dy, dz] = chair.lever;
+    let [dx, dy, dz] = chair.lever();
     let mut jacobian = SMatrix::<f64, 6, 6>::zeros();
     jacobian[(0, S)] = 1.0;
     jacobian[(0, ALPHA)] = -chair.reference_offset();
@@ -143,8 +143,8 @@ fn cosine_of_pitch(sine: f64) -> f64 {
 /// Covariance of `(s_enc, alpha_enc)` for independent wheel angles of variance `sigma^2`, rad^2:
 /// `A A^T sigma^2` with `A = (R/T) [[r2, r1], [1, -1]]`. Diagonal only for `r1 = r2`.
 pub fn encoder_covariance(chair: &Chair, sigma: f64) -> Matrix2<f64> {
-    let (r1, r2) = (chair.to_right, chair.to_left);
-    let scale = chair.wheel_radius * sigma / chair.track();
+    let (r1, r2) = (chair.body.reference_to_right, chair.body.reference_to_left);
+    let scale = chair.body.wheel_radius * sigma / chair.body.track();
     Matrix2::new(r1 * r1 + r2 * r2, r2 - r1, r2 - r1, 2.0) * (scale * scale)
 }
 
@@ -155,7 +155,7 @@ pub fn tilt_lever(chair: &Chair, alpha: f64) -> Vector3<f64> {
 }
 
 fn lever(chair: &Chair, sa: f64, ca: f64) -> Vector3<f64> {
-    let [dx, dy, dz] = chair.lever;
+    let [dx, dy, dz] = chair.lever();
     match chair.accelerometer {
         Accelerometer::Paper => Vector3::zeros(),
         Accelerometer::Rigid => Vector3::new(-dz * sa, -dz * ca, dx * sa + dy * ca),

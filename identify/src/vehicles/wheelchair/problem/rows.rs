@@ -75,13 +75,13 @@ impl Windows {
 
     /// Force balance of a window, N s.
     pub fn force(&self, chair: &Chair, start: usize) -> Row {
-        let (s, [dx, dy, _]) = (&self.signals, chair.lever);
+        let (s, [dx, dy, _]) = (&self.signals, chair.lever());
         let int = |order: usize, x: &dyn Fn(usize) -> f64| self.bump.integral(order, start, x);
         let r_squared = int(0, &|i| s.yaw_rate[i] * s.yaw_rate[i]);
         let mut row = [0.0; UNKNOWNS];
         row[M] = int(0, &|i| s.ahead[i]) + dy * int(2, &|i| s.heading[i]) + dx * r_squared;
         row[D] = -int(1, &|i| s.travel[i]);
-        row[FC] = int(0, &|i| (s.speed[i] / chair.smoothing_speed).tanh());
+        row[FC] = int(0, &|i| (s.speed[i] / chair.rolling.smoothing_speed).tanh());
         row[ML] = -r_squared;
         row[C1] = int(0, &|_| 1.0);
         (row, int(0, &|i| s.force[i]) - chair.rotating_mass * int(2, &|i| s.travel[i]))
@@ -89,13 +89,13 @@ impl Windows {
 
     /// Moment balance of a window, N m s.
     pub fn moment(&self, chair: &Chair, start: usize) -> Row {
-        let (s, [dx, dy, _]) = (&self.signals, chair.lever);
+        let (s, [dx, dy, _]) = (&self.signals, chair.lever());
         let int = |order: usize, x: &dyn Fn(usize) -> f64| self.bump.integral(order, start, x);
         let turning = int(2, &|i| s.heading[i]);
         let mut row = [0.0; UNKNOWNS];
         row[IP] = turning;
         row[B] = -int(1, &|i| s.heading[i]);
-        row[TAUC] = int(0, &|i| (s.yaw_rate[i] / chair.smoothing_yaw_rate).tanh());
+        row[TAUC] = int(0, &|i| (s.yaw_rate[i] / chair.rolling.smoothing_yaw_rate).tanh());
         row[ML] = int(0, &|i| s.left[i]) - dx * turning + dy * int(0, &|i| s.yaw_rate[i] * s.yaw_rate[i]);
         row[C2] = int(0, &|_| 1.0);
         (row, int(0, &|i| s.moment[i]) - chair.rotating_inertia * turning)
@@ -104,7 +104,7 @@ impl Windows {
     /// What sensor noise alone makes of the two rows: their covariances with the right-hand sides.
     fn noise(&self, chair: &Chair) -> [Vec<f64>; 2] {
         let s = &self.signals;
-        let [dx, dy, _] = chair.lever;
+        let [dx, dy, _] = chair.lever();
         let [psi, psi1, psi2, _] = &self.bump.weights;
         let scaled = |weights: &[f64], factor: f64| -> Vec<f64> { weights.iter().map(|w| factor * w).collect() };
         let none = || vec![scaled(psi, 0.0); UNKNOWNS + 1];
