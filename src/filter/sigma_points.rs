@@ -6,26 +6,35 @@
 
 use nalgebra::{SMatrix, SVector};
 
-/// Weights of the `2 n + 1` points of an `n`-dimensional Gaussian.
-#[derive(Clone, Copy, Debug)]
-pub struct Weights {
-    /// `n + lambda`: the outer points lie on the columns of the root of this times the covariance.
-    pub spread: f64,
+/// The scaled unscented transform of an `n`-dimensional Gaussian: `2 n + 1` points, the mean and two on each column of
+/// a root of the covariance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnscentedTransform {
+    /// Distance of the outer points from the centre in lengths of the root's columns, `alpha sqrt(n + kappa)`.
+    pub distance: f64,
+    /// Weight of each outer point.
+    pub outer: f64,
     /// Weight of the centre in the mean.
     pub mean: f64,
     /// Weight of the centre in the covariance.
     pub covariance: f64,
-    /// Weight of each outer point.
-    pub outer: f64,
+    /// `beta - alpha^2`: weight of the mean's own deviation where deviations are taken from the centre.
+    pub surplus: f64,
 }
 
-impl Weights {
+impl UnscentedTransform {
     /// From the spread `alpha` > 0, the prior knowledge `beta` and the secondary scaling `kappa` > -n.
     pub fn new(n: usize, alpha: f64, beta: f64, kappa: f64) -> Self {
         let n = n as f64;
-        let spread = alpha * alpha * (n + kappa);
-        let mean = (spread - n) / spread;
-        Self { spread, mean, covariance: mean + 1.0 - alpha * alpha + beta, outer: 0.5 / spread }
+        let square = alpha * alpha * (n + kappa);
+        let mean = (square - n) / square;
+        Self {
+            distance: square.sqrt(),
+            outer: 0.5 / square,
+            mean,
+            covariance: mean + 1.0 - alpha * alpha + beta,
+            surplus: beta - alpha * alpha,
+        }
     }
 }
 

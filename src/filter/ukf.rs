@@ -9,7 +9,7 @@
 
 use super::gaussian::{Gaussian, add_square};
 use super::innovation::{Gate, Innovation, Verdict};
-use super::sigma_points::{Weights, robust_cholesky};
+use super::sigma_points::{UnscentedTransform, robust_cholesky};
 use nalgebra::{SMatrix, SVector};
 
 /// A measured channel that shows one state: `sample = state[index] + noise`.
@@ -27,27 +27,26 @@ pub struct Channel {
 /// covariance had to be repaired; `None`, with the belief unchanged, if it is not finite.
 pub fn predict<const N: usize>(
     belief: &mut Gaussian<N>,
-    weights: &Weights,
+    transform: &UnscentedTransform,
     f: impl Fn(&SVector<f64, N>) -> SVector<f64, N>,
 ) -> Option<bool> {
     let (root, repaired) = robust_cholesky(&belief.covariance)?;
-    let scale = weights.spread.sqrt();
     let centre = f(&belief.mean);
     let mut forward = [SVector::<f64, N>::zeros(); N];
     let mut backward = [SVector::<f64, N>::zeros(); N];
-    let mut mean = centre * weights.mean;
+    let mut mean = centre * transform.mean;
     for j in 0..N {
-        let offset = root.column(j) * scale;
+        let offset = root.column(j) * transform.distance;
         forward[j] = f(&(belief.mean + offset));
         backward[j] = f(&(belief.mean - offset));
-        mean += (forward[j] + backward[j]) * weights.outer;
+        mean += (forward[j] + backward[j]) * transform.outer;
     }
     let from_centre = centre - mean;
     let mut covariance = SMatrix::<f64, N, N>::zeros();
-    add_square(&mut covariance, weights.covariance, &from_centre);
+    add_square(&mut covariance, transform.covariance, &from_centre);
     for j in 0..N {
-        add_square(&mut covariance, weights.outer, &(forward[j] - mean));
-        add_square(&mut covariance, weights.outer, &(backward[j] - mean));
+        add_square(&mut covariance, transform.outer, &(forward[j] - mean));
+        add_square(&mut covariance, transform.outer, &(backward[j] - mean));
     }
     *belief = Gaussian { mean, covariance };
     Some(repaired)

@@ -16,7 +16,7 @@ use crate::filter::bounded;
 use crate::filter::gaussian::{Gaussian, add_square};
 use crate::filter::innovation::Gate;
 use crate::filter::nis_monitor::NisMonitor;
-use crate::filter::sigma_points::Weights;
+use crate::filter::sigma_points::UnscentedTransform;
 use crate::filter::ukf::{self, Channel};
 use crate::model::nursing_robot::{GRAVITY, Human, Lean, Planar, Robot};
 use nalgebra::SVector;
@@ -71,7 +71,7 @@ enum Form {
 #[derive(Clone, Debug)]
 pub struct SwayEstimator {
     form: Form,
-    weights: Weights,
+    transform: UnscentedTransform,
     robot: Robot,
     human: Human,
     use_channel: [bool; 3],
@@ -214,7 +214,7 @@ impl SwayEstimator {
         let start = [s.start_speed_std, s.start_pitch_std, s.start_pitch_rate_std, s.start_torque_std];
         Some(Self {
             form,
-            weights: Weights::new(states, s.alpha, s.beta, s.kappa),
+            transform: UnscentedTransform::new(states, s.alpha, s.beta, s.kappa),
             robot: *robot,
             human: *human,
             use_channel: [true, s.use_tilt, s.use_tilt_rate && states > 2],
@@ -388,7 +388,7 @@ impl SwayEstimator {
             z[0] = f64::NAN;
         }
         if step.dt > 0.0 {
-            match ukf::predict(belief, &self.weights, |x| step.propagate(x)) {
+            match ukf::predict(belief, &self.transform, |x| step.propagate(x)) {
                 Some(repaired) => state.repaired |= repaired,
                 None => return SwayStatus::RolledBack,
             }

@@ -5,8 +5,9 @@ use super::coordinates::{Map, unknowns};
 use super::parameters::{Adaptation, Form, Kind, ModelError, Parameters, Radii};
 use super::supervision::{Fading, SlipLimits, Supervision};
 use crate::filter::gaussian::FactoredGaussian;
+use crate::filter::sigma_points::UnscentedTransform;
 use crate::filter::square_root::{absorb_diagonal, andrews, array, block, joseph, set_block, tria, variances};
-use crate::filter::srukf::{Spread, SpreadError, predict_linearised};
+use crate::filter::srukf;
 use crate::model::wheel_loader::{Drive, Driven, GRAVITY, Loader, Motion, Unknowns, WheelLoader};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use std::f64::consts::TAU;
@@ -33,7 +34,7 @@ pub struct Engine {
     pub radii: bool,
     kind: Kind,
     form: Form,
-    spread: Spread,
+    transform: UnscentedTransform,
     substeps: u32,
     supervise: bool,
     gate: f64,
@@ -67,7 +68,7 @@ pub struct Outcome {
 
 impl Engine {
     /// Translates the parameters; they are already within their ranges.
-    pub fn new(p: &Parameters) -> Result<Self, SpreadError> {
+    pub fn new(p: &Parameters) -> Self {
         let filter = &p.filter;
         let radii = filter.radii == Radii::Estimated;
         let map = Map::new(filter.parameters, &p.start);
@@ -90,14 +91,14 @@ impl Engine {
             radius_std,
             radius_std,
         ];
-        Ok(Self {
+        Self {
             machine: p.machine(),
             map,
             radii,
             kind: filter.kind,
             form: filter.form,
             // With radii the sigma points stay as far out as without: one tuning for both.
-            spread: Spread::new(6, filter.alpha, filter.beta, filter.kappa)?,
+            transform: UnscentedTransform::new(6, filter.alpha, filter.beta, filter.kappa),
             substeps: filter.substeps.max(1) as u32,
             supervise: filter.supervise,
             gate: filter.gate,
@@ -136,7 +137,7 @@ impl Engine {
             },
             start_std: Vector3::new(p.start.slip_stiffness_std, p.start.cg_height_std, p.start.cg_ratio_std),
             model_error: p.model_error.clone(),
-        })
+        }
     }
 
     /// The belief before the first sample.
@@ -374,10 +375,11 @@ impl Engine {
         let advance = |motion: &Motion, unknowns: &Unknowns, radii: [f64; 2]| {
             driven.advance(self.radius(radii), motion, unknowns, dt, substeps)
         };
+        let mut belief = *prior;
         match self.kind {
             Kind::SquareRootUnscented => {
                 let centre = advance(&motion, &unknowns.unknowns, radii);
-                self.spread.predict::<N, 3, K>(prior, &q, &centre, |offset| {
+                srukf::predict::<N, 3, K>(&mut belief, &self.transform, &q, &centre, |offset| {
                     let step = Motion::new(offset[0], offset[1], offset[2]);
                     let [up, down] = unknowns.pair(&Vector3::new(offset[3], offset[4], offset[5]));
                     let [front, rear] = errors(offset);
@@ -385,7 +387,7 @@ impl Engine {
                         advance(&(motion + step), &up, [radii[0] + front, radii[1] + rear]),
                         advance(&(motion - step), &down, [radii[0] - front, radii[1] - rear]),
                     ]
-                })
+                });
             }
             Kind::Extended => {
                 let (moved, mut f) =
@@ -399,11 +401,10 @@ impl Engine {
                         f[(row, k)] /= 1.0 + mean[k];
                     }
                 }
-                let mut mean = *mean;
-                set_block(&mut mean, 0, 0, &moved);
-                predict_linearised::<N, 3, K>(mean, &f, &prior.factor, &q)
+                srukf::predict_linearised::<N, 3, K>(&mut belief, &moved, &f, &q);
             }
         }
+        belief
     }
 
     /// Clips direct coordinates and caps the standard deviations.

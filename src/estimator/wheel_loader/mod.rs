@@ -32,9 +32,8 @@ pub use parameters::*;
 
 use super::{Estimator, StateError};
 use crate::filter::gaussian::FactoredGaussian;
-use crate::filter::srukf::SpreadError;
 use crate::model::wheel_loader::Drive;
-use crate::{ParameterError, Status, Variables};
+use crate::{ParameterError, Status};
 use engine::{Belief, Engine};
 use serde::{Deserialize, Serialize};
 use supervision::Supervision;
@@ -84,22 +83,8 @@ impl Estimator for WheelLoader {
     type State = State;
 
     fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
-        parameters.validate()?;
-        let engine = Engine::new(parameters).map_err(|error| {
-            let (name, value) = match error {
-                SpreadError::NotPositive => ("filter.kappa", parameters.filter.kappa),
-                SpreadError::BetaBelowAlphaSquared => ("filter.beta", parameters.filter.beta),
-            };
-            ParameterError { name: name.to_owned(), value, unit: "1", reason: format!("is not usable: {error}") }
-        })?;
-        if parameters.hold.resume_speed < parameters.hold.stop_speed {
-            return Err(ParameterError {
-                name: "hold.resume_speed".to_owned(),
-                value: parameters.hold.resume_speed,
-                unit: "m/s",
-                reason: format!("is below hold.stop_speed = {}", parameters.hold.stop_speed),
-            });
-        }
+        parameters.check()?;
+        let engine = Engine::new(parameters);
         let state = State {
             belief: *engine.start(),
             started: false,

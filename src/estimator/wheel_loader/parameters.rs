@@ -1,7 +1,7 @@
 //! The declared parameters, inputs and outputs of the wheel loader's estimator.
 
-use crate::Status;
 use crate::model::wheel_loader::{Loader, Rolling, Tire, WheelLoader};
+use crate::{ParameterError, Status, Variables};
 
 choice! {
     /// Kind of the filter's time update.
@@ -303,5 +303,27 @@ impl Parameters {
     /// The machine for the model.
     pub fn machine(&self) -> WheelLoader {
         WheelLoader { loader: self.loader, rolling: self.rolling, tire: self.tire }
+    }
+
+    /// Every value within its range, and those that go together.
+    pub(super) fn check(&self) -> Result<(), ParameterError> {
+        self.validate()?;
+        let refuse =
+            |name: &str, value, unit, reason| Err(ParameterError { name: name.to_owned(), value, unit, reason });
+        let Filter { alpha, beta, .. } = self.filter;
+        if beta < alpha * alpha {
+            let reason = format!("is below filter.alpha^2 = {}: the covariance would need a downdate", alpha * alpha);
+            return refuse("filter.beta", beta, "1", reason);
+        }
+        let Hold { stop_speed, resume_speed, .. } = self.hold;
+        if resume_speed < stop_speed {
+            return refuse(
+                "hold.resume_speed",
+                resume_speed,
+                "m/s",
+                format!("is below hold.stop_speed = {stop_speed}"),
+            );
+        }
+        Ok(())
     }
 }
