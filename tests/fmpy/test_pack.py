@@ -1,10 +1,13 @@
 """The packer: baked start values, refusals, reproducible archives."""
 
+import ctypes
 import json
 import os
 import shutil
 import subprocess
 import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
 
 import fmpy
 import pytest
@@ -93,13 +96,34 @@ def test_identified_values_become_start_values(fmu, model, extracted, pack, fit,
         assert packed.get(one) == new
     broken = tmp_path / "broken"
     shutil.copytree(folder, broken)
-    values = broken / "resources" / "start_values.json"
-    values.write_text(values.read_text().replace(repr(new), repr(new * 1.01)))
+    library = broken / "binaries" / "linux64" / f"{model}.so"
+    content, written = library.read_bytes(), f'"{one}": {new!r}'.encode()
+    assert content.count(written) == 1
+    library.write_bytes(content.replace(written, f'"{one}": {old!r}'.ljust(len(written)).encode()[: len(written)]))
     with pytest.raises(Exception, match="instantiate"):
         Slave(broken)
-    values.unlink()
-    with pytest.raises(Exception, match="instantiate"):
-        Slave(broken)
+
+
+@pytest.mark.parametrize("location", [None, "", "resources", "file://host/resources", "file:///no/such/folder"])
+def test_start_values_need_no_resource_location(fmu, model, extracted, pack, tmp_path, location):
+    """Identified values are in the library, whatever a host gives as fmuResourceLocation."""
+    (one, old, new), _ = some_parameters(fmpy.read_model_description(extracted(fmu)))
+    assert pack(model, "--set", f"{one}={new!r}").returncode == 0
+    folder = extracted(tmp_path / "out" / f"{model}.fmu")
+    description = fmpy.read_model_description(folder)
+    library = ctypes.CDLL(str(Path(folder) / "binaries" / "linux64" / f"{model}.so"))
+    library.fmi2Instantiate.restype = ctypes.c_void_p
+    text = None if location is None else location.encode()
+    component = ctypes.c_void_p(
+        library.fmi2Instantiate(b"one", 1, description.guid.encode(), text, None, 0, 0)
+    )
+    assert component.value
+    assert library.fmi2EnterInitializationMode(component) == 0
+    value, reference = ctypes.c_double(), ctypes.c_uint(next(v.valueReference for v in description.modelVariables if v.name == one))
+    assert library.fmi2GetReal(component, ctypes.byref(reference), 1, ctypes.byref(value)) == 0
+    assert value.value == new
+    library.fmi2FreeInstance.restype = None
+    library.fmi2FreeInstance(component)
 
 
 def test_unidentified_values_only_on_demand(fmu, model, extracted, pack, fit, tmp_path):
@@ -117,6 +141,43 @@ def test_values_given_to_the_fit_are_taken_over(fmu, model, extracted, pack, fit
     assert done.returncode == 0, done.stdout + done.stderr
     starts = {v.name: v.start for v in fmpy.read_model_description(str(tmp_path / "out" / f"{model}.fmu")).modelVariables}
     assert (float(starts[one]), float(starts[other])) == (new, given)
+
+
+def test_the_preset_of_an_fmu_can_be_edited_and_packed(fmu, model, extracted, pack, tmp_path):
+    """resources/<Model>.ssv: packed as it is nothing changes; an edited value, in another unit too, becomes the start."""
+    folder = extracted(fmu)
+    preset = (Path(folder) / "resources" / f"{model}.ssv").read_text()
+    description = fmpy.read_model_description(folder)
+    (one, old, new), _ = some_parameters(description)
+    path = tmp_path / "values.ssv"
+    path.write_text(preset)
+    done = pack("--params", path)  # the set knows the model
+    assert (done.returncode, done.stdout.count("\n")) == (0, 1), done.stdout + done.stderr
+    assert (tmp_path / "out" / f"{model}.fmu").read_bytes() == Path(fmu).read_bytes()
+
+    root = ElementTree.fromstring(preset)
+    (value,) = (p[0] for p in root[0] if p.get("name") == one)
+    (period,) = (p[0] for p in root[0] if p.get("name") == "sample_period")
+    period_s = 0.9 * float(period.get("value"))
+    value.set("value", repr(new))
+    period.set("value", repr(period_s / 3600.0))
+    period.set("unit", "h")
+    path.write_bytes(ElementTree.tostring(root))
+    assert pack(model, "--params", path).returncode == 0
+    starts = {v.name: v.start for v in fmpy.read_model_description(str(tmp_path / "out" / f"{model}.fmu")).modelVariables}
+    assert float(starts[one]) == new and abs(float(starts["sample_period"]) - period_s) < 1e-15
+
+    for text, word in (
+        ("no XML", "XML"),
+        ("<a/>", "ParameterSet"),
+        (preset.replace(f'name="{model}"', 'name="mine"'), "name the model"),
+        (preset.replace('unit="s"', 'unit="kg"'), "its unit is kg; s is expected"),
+        (preset.replace('"sample_period" description', '"sample_period" d').replace('<ssv:Real value="0', '<ssv:Real value="-1'), "allowed"),
+    ):
+        path.write_text(text)
+        done = pack("--params", path)
+        assert done.returncode == 2 and word in done.stderr and "values.ssv" in done.stderr, done.stderr
+        assert done.stderr.count("\n") == 1
 
 
 def test_refusals_name_the_file_and_write_nothing(fmu, model, extracted, pack, fit, tmp_path):
@@ -150,11 +211,27 @@ def test_unknown_models_are_refused(program):
 
 
 def test_further_platforms(fmu, model, pack, tmp_path):
+    # the head of a DLL for 64-bit Windows: "MZ", and at 0x40 "PE" with the machine 0x8664
     library = tmp_path / "some.dll"
-    library.write_bytes(b"MZ not really")
+    content = b"MZ".ljust(0x3C, b"\0") + b"\x40\0\0\0PE\0\0\x64\x86" + bytes(64)
+    library.write_bytes(content)
     assert pack(model, "--targets", f"win64={library}").returncode == 0
     with zipfile.ZipFile(tmp_path / "out" / f"{model}.fmu") as archive:
-        assert archive.read(f"binaries/win64/{model}.dll") == b"MZ not really"
+        assert archive.read(f"binaries/win64/{model}.dll") == content
         assert f"binaries/linux64/{model}.so" in archive.namelist()
-    for target in ("amiga=x", "win64", "win64=/no/such/file"):
-        assert pack(model, "--targets", target).returncode == 2
+    for target in ("amiga=x", "win64", "win64=/no/such/file", f"linux64={library}", f"win64={__file__}"):
+        done = pack(model, "--targets", target)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
+
+
+def test_an_arm_library_also_stands_where_hosts_look_for_it(fmu, model, pack, tmp_path):
+    """fmpy, OpenModelica and rust-fmi look into linux64 on ARM, too."""
+    content = b"\x7fELF\x02\x01".ljust(18, b"\0") + bytes([183]) + bytes(64)
+    (tmp_path / "libraries/aarch64-linux").mkdir(parents=True)
+    (tmp_path / "libraries/aarch64-linux/libwheelstate_fmu.so").write_bytes(content)
+    assert pack(model, "--libraries", tmp_path / "libraries").returncode == 0
+    with zipfile.ZipFile(tmp_path / "out" / f"{model}.fmu") as archive:
+        names = [name for name in archive.namelist() if name.startswith("binaries")]
+        assert names == [f"binaries/aarch64-linux/{model}.so", f"binaries/linux64/{model}.so"]
+        assert all(archive.read(name) == content for name in names)
+    assert pack(model, "--libraries", tmp_path / "empty").returncode == 2

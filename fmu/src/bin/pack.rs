@@ -4,16 +4,19 @@ use clap::Parser;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use wheelstate_fmu::model::{Model, models};
-use wheelstate_fmu::pack::fit::{Fit, setting};
+use wheelstate_fmu::pack::fit::setting;
 use wheelstate_fmu::pack::library::Library;
+use wheelstate_fmu::pack::params::Params;
 use wheelstate_fmu::pack::{self, PackError};
 
 const EXAMPLES: &str = "\
 Examples:
   pack                                         all models into the current directory
   pack MODEL --params fit.json                 identified values become start values
+  pack MODEL --params values.ssv               or those of a parameter set (SSP 1.0)
   pack MODEL --set sample_period=0.02 --out out
   pack all --targets win64=wheelstate_fmu.dll  with a second platform
+  pack all --libraries OUT                     for the platforms that fmu/targets.sh OUT built
 
 An unknown MODEL is answered with the list of models.
 
@@ -26,8 +29,8 @@ struct Arguments {
     /// Models, spelt as the FMU or as the vehicle of `identify`, or all [default: the vehicle of the fit, else all]
     #[arg(value_name = "MODEL")]
     models: Vec<String>,
-    /// Result of `identify fit` or `identify tune`; its identified values become start values
-    #[arg(long, value_name = "FIT.JSON")]
+    /// Result of `identify fit` or `identify tune`, whose identified values become start values, or a parameter set (.ssv)
+    #[arg(long, value_name = "FIT.JSON|SET.SSV")]
     params: Option<PathBuf>,
     /// Take over values that the data did not identify, too
     #[arg(long, requires = "params")]
@@ -38,6 +41,9 @@ struct Arguments {
     /// Directory for the .fmu files
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
+    /// Folder with a library per platform, as fmu/targets.sh fills it; they take the place of the one beside this program
+    #[arg(long, value_name = "DIR")]
+    libraries: Option<PathBuf>,
     /// Libraries for further platforms, as win64=FILE (repeatable)
     #[arg(long, value_name = "PLATFORM=LIBRARY", value_parser = Library::parse, num_args = 1..)]
     targets: Vec<Library>,
@@ -70,28 +76,32 @@ fn usage(text: &str) -> String {
 
 /// Packs; gives whether there were warnings. Nothing is written before every model is ready.
 fn run(arguments: &Arguments) -> Result<bool, PackError> {
-    let mut libraries = vec![Library::own()?];
+    let mut libraries = match &arguments.libraries {
+        Some(folder) => Library::all(folder)?,
+        None => vec![Library::own()?],
+    };
     for library in &arguments.targets {
         libraries.retain(|other| other.platform != library.platform);
         libraries.push(library.clone());
     }
-    let fit = arguments.params.as_deref().map(Fit::read).transpose()?;
+    let params = arguments.params.as_deref().map(Params::read).transpose()?;
     let all = arguments.models.iter().any(|name| name == "all");
-    let mut selected = match &fit {
+    let mut selected = match &params {
         _ if all => models(&|_| true),
-        Some(fit) if arguments.models.is_empty() => vec![vehicle(fit)?],
+        Some(params) if arguments.models.is_empty() => vec![params.model()?],
         None if arguments.models.is_empty() => models(&|_| true),
         _ => arguments.models.iter().map(|name| pack::model(name)).collect::<Result<_, _>>()?,
     };
-    if let Some(fit) = &fit
+    if let Some(params) = &params
         && all
     {
-        vehicle(fit)?;
+        params.model()?;
     }
     let mut warned = false;
     let mut reports = Vec::new();
     for model in &mut selected {
-        let (report, warnings) = prepare(model, arguments, fit.as_ref().filter(|fit| !all || fit.is_of(model)))?;
+        let (report, warnings) =
+            prepare(model, arguments, params.as_ref().filter(|params| !all || params.is_of(model)))?;
         reports.push(report);
         warned |= warnings;
     }
@@ -102,17 +112,12 @@ fn run(arguments: &Arguments) -> Result<bool, PackError> {
     Ok(warned)
 }
 
-/// The model that a fit is of.
-fn vehicle(fit: &Fit) -> Result<Model, PackError> {
-    pack::model(&fit.vehicle).map_err(|error| PackError(format!("{}: {error}", fit.source)))
-}
-
 /// Sets the start values of one model.
-fn prepare(model: &mut Model, arguments: &Arguments, fit: Option<&Fit>) -> Result<(String, bool), PackError> {
+fn prepare(model: &mut Model, arguments: &Arguments, params: Option<&Params>) -> Result<(String, bool), PackError> {
     let mut report = String::new();
     let mut warned = false;
-    if let Some(fit) = fit {
-        let baked = fit.bake(model, arguments.include_unidentified)?;
+    if let Some(params) = params {
+        let baked = params.bake(model, arguments.include_unidentified)?;
         for line in &baked.taken {
             report += &format!("  {line}\n");
         }

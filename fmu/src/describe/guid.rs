@@ -3,9 +3,9 @@
 //! `n` is a hash of the model's name, `i` one of its interface (the XML without GUID and without the
 //! parameters' start values) and `s` one of those start values. So the library finds the model
 //! without looking at the others, refuses an XML of another version, and knows whether the FMU was
-//! packed with start values of its own, which it then reads from the FMU's resources.
+//! packed with start values of its own, which it then looks for.
 
-use super::resources;
+use super::start_values;
 use crate::model::{Catalogue, Model};
 use sha2::{Digest, Sha256};
 
@@ -58,9 +58,9 @@ pub fn find(catalogue: Catalogue, guid: &str, resource_location: Option<&str>) -
     if fits(&model) {
         return Ok(model);
     }
-    resources::load(&mut model, guid, resource_location)?;
+    start_values::load(&mut model, guid, resource_location)?;
     if fits(&model) {
         return Ok(model);
     }
-    Err(format!("{} in the FMU's resources does not belong to the GUID '{guid}'", resources::FILE))
+    Err(format!("the start values that this FMU was packed with do not belong to the GUID '{guid}'"))
 }

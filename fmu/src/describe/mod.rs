@@ -6,8 +6,8 @@
 pub mod guid;
 pub mod markdown;
 pub mod page;
-pub mod resources;
 pub mod schema;
+pub mod start_values;
 
 use crate::model::{Model, Place, shown_start};
 use std::collections::BTreeSet;

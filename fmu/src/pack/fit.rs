@@ -4,6 +4,7 @@ use super::PackError;
 use crate::model::{Model, check_parameter};
 use serde_json::{Map, Value};
 use std::path::Path;
+use wheelstate::Variable;
 use wheelstate::variable::Kind;
 
 /// The result of an identification, as far as packing needs it.
@@ -103,26 +104,27 @@ impl Fit {
             let value = found.ok_or_else(|| refuse(format!("{name}: its value is not a number")))?;
             check_parameter(variable, value).map_err(&refuse)?;
             values.push((index, value));
-            let (new, old) = (show(variable.kind, value), shown(model, index));
-            let unit = if variable.unit == "1" { String::new() } else { format!(" {}", variable.unit) };
-            baked.taken.push(format!("{name} = {new}{unit} (was {old})"));
+            baked.taken.push(taken(model, index, value));
             if !identified {
                 baked.warnings.push(format!("{name}: taken although it is not identified"));
             } else if entry.get("at_bound") == Some(&Value::Bool(true)) {
                 baked.warnings.push(format!("{name}: the fit pushed it against a bound"));
             }
         }
-        match foreign.as_slice() {
-            [] => {}
-            [name] => baked.warnings.push(format!("{name}: the FMU has no such parameter")),
-            [first, .., last] => baked.warnings.push(format!(
-                "{first} .. {last}: the FMU has no such parameters ({} of {})",
-                foreign.len(),
-                self.parameters.len()
-            )),
-        }
+        baked.warnings.extend(unknown(&foreign, self.parameters.len()));
         model.bake(&values).map_err(|error| refuse(format!("the model refuses these values together: {error}")))?;
         Ok(baked)
+    }
+}
+
+/// The warning about names, of `all` given ones, that are no parameters of the model.
+pub(super) fn unknown(names: &[&str], all: usize) -> Option<String> {
+    match names {
+        [] => None,
+        [name] => Some(format!("{name}: the FMU has no such parameter")),
+        [first, .., last] => {
+            Some(format!("{first} .. {last}: the FMU has no such parameters ({} of {all})", names.len()))
+        }
     }
 }
 
@@ -146,6 +148,13 @@ fn show(kind: Kind, value: f64) -> String {
     }
 }
 
+/// The line that tells of a new start value.
+pub(super) fn taken(model: &Model, index: usize, value: f64) -> String {
+    let variable = &model.parameters[index];
+    let unit = if variable.unit == "1" { String::new() } else { format!(" {}", variable.unit) };
+    format!("{} = {}{unit} (was {})", variable.name, show(variable.kind, value), shown(model, index))
+}
+
 /// Reads `name=value` as a start value: a number, `true`, `false` or one of the choices.
 pub fn setting(model: &Model, text: &str) -> Result<(usize, f64), PackError> {
     let Some((name, word)) = text.split_once('=').map(|(name, word)| (name.trim(), word.trim())) else {
@@ -154,7 +163,14 @@ pub fn setting(model: &Model, text: &str) -> Result<(usize, f64), PackError> {
     let Some((index, variable)) = model.parameter(name) else {
         return Err(PackError(format!("{} has no parameter '{name}'", model.name)));
     };
-    let value = match (variable.kind, word) {
+    let value = parse(variable, word).map_err(|why| PackError(format!("{name}: {why}")))?;
+    check_parameter(variable, value).map_err(PackError)?;
+    Ok((index, value))
+}
+
+/// The value that a word stands for: a number, `true`, `false` or one of the choices.
+pub(super) fn parse(variable: &Variable, word: &str) -> Result<f64, String> {
+    match (variable.kind, word) {
         (Kind::Choice(items), word) => {
             let index = items.iter().position(|item| *item == word);
             index.map(|index| index as f64).ok_or_else(|| format!("'{word}' is none of {}", items.join(", ")))
@@ -162,8 +178,5 @@ pub fn setting(model: &Model, text: &str) -> Result<(usize, f64), PackError> {
         (Kind::Boolean, "true") => Ok(1.0),
         (Kind::Boolean, "false") => Ok(0.0),
         (_, word) => word.parse().map_err(|_| format!("'{}' is not a number", word.escape_debug())),
-    };
-    let value = value.map_err(|why| PackError(format!("{name}: {why}")))?;
-    check_parameter(variable, value).map_err(PackError)?;
-    Ok((index, value))
+    }
 }

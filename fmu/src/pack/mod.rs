@@ -3,9 +3,10 @@
 mod archive;
 pub mod fit;
 pub mod library;
-mod ssv;
+pub mod params;
+pub mod ssv;
 
-use crate::describe::{self, page, resources};
+use crate::describe::{self, page, start_values};
 use crate::model::{Model, models};
 use library::Library;
 use std::path::{Path, PathBuf};
@@ -17,11 +18,16 @@ pub struct PackError(pub String);
 
 /// The model of this name, spelt as the FMU (in camel case) or as on the command line (in lower case with dashes).
 pub fn model(name: &str) -> Result<Model, PackError> {
-    let plain = |text: &str| text.to_lowercase().replace(['-', '_'], "");
-    models(&|known| plain(known) == plain(name)).pop().ok_or_else(|| {
+    models(&|known| same_name(known, name)).pop().ok_or_else(|| {
         let known: Vec<_> = models(&|_| true).iter().map(Model::command_name).collect();
         PackError(format!("there is no model '{name}'; there are: {}, all", known.join(", ")))
     })
+}
+
+/// Whether both are spellings of one model's name.
+fn same_name(one: &str, other: &str) -> bool {
+    let plain = |text: &str| text.to_lowercase().replace(['-', '_'], "");
+    plain(one) == plain(other)
 }
 
 /// Every picture with the name of its model.
@@ -49,16 +55,24 @@ pub fn write(model: &Model, libraries: &[Library], out: &Path) -> Result<PathBuf
     ] {
         files.push((format!("documentation/licenses/{name}"), text.as_bytes().to_vec(), false));
     }
-    let default = self::model(model.name)?;
-    let starts = resources::differences(model, &default);
-    if !starts.is_empty() {
-        files.push((format!("resources/{}", resources::FILE), starts.to_json().into_bytes(), false));
-    }
+    let starts = start_values::differences(model, &self::model(model.name)?);
     for library in libraries {
-        let bytes = std::fs::read(&library.path)
-            .map_err(|error| PackError(format!("library {}: {error}", library.path.display())))?;
-        files.push((format!("binaries/{}/{}{}", library.platform, model.name, library.suffix()), bytes, true));
+        let mut bytes = library.read()?;
+        if !starts.is_empty() {
+            let text = starts.to_json();
+            if library.is_signed() {
+                files.push((format!("resources/{}", start_values::FILE), text.into_bytes(), false));
+            } else {
+                let failed = |why| PackError(format!("library {}: {why}", library.path.display()));
+                start_values::embed(&mut bytes, &text).map_err(failed)?;
+            }
+        }
+        for folder in library.folders(libraries) {
+            files.push((format!("binaries/{folder}/{}{}", model.name, library.suffix()), bytes.clone(), true));
+        }
     }
+    files.sort();
+    files.dedup();
     let path = out.join(format!("{}.fmu", model.name));
     let failed = |error: &dyn std::fmt::Display| PackError(format!("{}: {error}", path.display()));
     let bytes = archive::zip(files).map_err(|error| failed(&error))?;

@@ -1,14 +1,71 @@
-//! `resources/start_values.json`: the start values of an FMU that was packed with its own.
+//! The start values of an FMU that was packed with its own, as JSON.
+//!
+//! They stand in the library itself, in a room that `pack` fills in the library's file: so they are there whatever
+//! resource location a host gives. A library whose bytes are signed (macOS) cannot be filled; it finds them in
+//! `resources/start_values.json`.
 
 use crate::model::Model;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU8, Ordering};
 
 /// Name of the file below `resources`.
 pub const FILE: &str = "start_values.json";
 
-/// What the file holds: the parameters whose start values differ from the model's defaults.
+const MARK_SIZE: usize = 32;
+const LENGTH_SIZE: usize = 4;
+/// Bytes for the text.
+const ROOM_SIZE: usize = 16 << 10;
+const SIZE: usize = MARK_SIZE + LENGTH_SIZE + ROOM_SIZE;
+
+/// A mark by which the room is found, the length of the text (little-endian), the text. Atomic, and used for all that
+/// the compiler knows, so that it is read and not taken for what stands here.
+#[used]
+static ROOM: [AtomicU8; SIZE] = {
+    let mark = *b"wheelstate start values, room 1:";
+    let mut room = [const { AtomicU8::new(0) }; SIZE];
+    let mut i = 0;
+    while i < MARK_SIZE {
+        room[i] = AtomicU8::new(mark[i]);
+        i += 1;
+    }
+    room
+};
+
+fn room(from: usize, count: usize) -> Vec<u8> {
+    ROOM[from..from + count].iter().map(|byte| byte.load(Ordering::Relaxed)).collect()
+}
+
+/// The text in this library's own room, if there is one.
+fn embedded() -> Option<String> {
+    let length = room(MARK_SIZE, LENGTH_SIZE);
+    let length = u32::from_le_bytes([length[0], length[1], length[2], length[3]]) as usize;
+    (1..=ROOM_SIZE)
+        .contains(&length)
+        .then(|| room(MARK_SIZE + LENGTH_SIZE, length))
+        .and_then(|bytes| String::from_utf8(bytes).ok())
+}
+
+/// Fills the room in the bytes of a library.
+pub fn embed(library: &mut [u8], text: &str) -> Result<(), String> {
+    let mark = room(0, MARK_SIZE);
+    let is_room = |at: &usize| {
+        library[*at..].starts_with(&mark)
+            && library[at + MARK_SIZE..].iter().take(SIZE - MARK_SIZE).all(|byte| *byte == 0)
+    };
+    let last = library.len().saturating_sub(SIZE - 1);
+    let at = (0..last).find(is_room).ok_or("the library has no empty room for start values")?;
+    if text.len() > ROOM_SIZE {
+        return Err(format!("the start values take {} bytes, there is room for {ROOM_SIZE}", text.len()));
+    }
+    let room = &mut library[at + MARK_SIZE..at + SIZE];
+    room[..LENGTH_SIZE].copy_from_slice(&(text.len() as u32).to_le_bytes());
+    room[LENGTH_SIZE..LENGTH_SIZE + text.len()].copy_from_slice(text.as_bytes());
+    Ok(())
+}
+
+/// The parameters whose start values differ from the model's defaults.
 /// Enumerations count from 0, Booleans are 0 or 1.
 #[derive(Serialize, Deserialize)]
 pub struct StartValues {
@@ -23,7 +80,7 @@ impl StartValues {
         self.parameters.is_empty()
     }
 
-    /// The file's text.
+    /// The text.
     pub fn to_json(&self) -> String {
         // maps with text keys and finite numbers always have a JSON form
         serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
@@ -38,29 +95,36 @@ pub fn differences(model: &Model, default: &Model) -> StartValues {
     StartValues { format_version: 1, model: model.name.to_owned(), parameters }
 }
 
-/// Puts the start values of the FMU's resources into the model.
+/// Puts the start values that the FMU was packed with into the model.
 pub fn load(model: &mut Model, guid: &str, resource_location: Option<&str>) -> Result<(), String> {
     let why = format!("the GUID '{guid}' says that this FMU has start values of its own");
+    if let Some(text) = embedded() {
+        return read(model, &text).map_err(|what| format!("{why}, but those in the library cannot be used: {what}"));
+    }
     let Some(location) = resource_location.filter(|location| !location.is_empty()) else {
         return Err(format!("{why}, but fmuResourceLocation is not given"));
     };
     let folder = path(location).ok_or_else(|| format!("{why}, but fmuResourceLocation '{location}' is no file URI"))?;
     let file = folder.join(FILE);
     let text = std::fs::read_to_string(&file).map_err(|error| format!("{why}, but {}: {error}", file.display()))?;
-    let broken = |what: String| format!("{why}, but {}: {what}", file.display());
-    let values: StartValues = serde_json::from_str(&text).map_err(|error| broken(error.to_string()))?;
+    read(model, &text).map_err(|what| format!("{why}, but {}: {what}", file.display()))
+}
+
+/// Puts the start values of a text into the model.
+fn read(model: &mut Model, text: &str) -> Result<(), String> {
+    let values: StartValues = serde_json::from_str(text).map_err(|error| error.to_string())?;
     if values.format_version != 1 {
-        return Err(broken(format!("format_version {} is not known", values.format_version)));
+        return Err(format!("format_version {} is not known", values.format_version));
     }
     if values.model != model.name {
-        return Err(broken(format!("it is for {}, not for {}", values.model, model.name)));
+        return Err(format!("they are for {}, not for {}", values.model, model.name));
     }
     let mut list = Vec::new();
     for (name, value) in &values.parameters {
-        let (index, _) = model.parameter(name).ok_or_else(|| broken(format!("there is no parameter {name}")))?;
+        let (index, _) = model.parameter(name).ok_or_else(|| format!("there is no parameter {name}"))?;
         list.push((index, *value));
     }
-    model.bake(&list).map_err(broken)
+    model.bake(&list)
 }
 
 /// The folder of a resource location: `file:///a`, `file:/a`, `file://localhost/a`, `file:///C:/a`
@@ -106,6 +170,23 @@ fn decode(text: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_room_is_filled_once_and_not_beyond_its_size() {
+        let mut library = vec![7; 100];
+        // the mark alone is no room
+        library.extend(room(0, MARK_SIZE));
+        library.extend([7; 100]);
+        let at = library.len();
+        library.extend(room(0, SIZE));
+        library.push(7);
+        let long = "x".repeat(ROOM_SIZE + 1);
+        assert!(embed(&mut library, &long).unwrap_err().contains("16385 bytes"));
+        embed(&mut library, "values").unwrap();
+        assert_eq!(&library[at + MARK_SIZE..at + MARK_SIZE + LENGTH_SIZE + 7], b"\x06\0\0\0values\0");
+        assert!(embed(&mut library, "values").is_err());
+        assert!(embed(&mut [7; 10], "values").is_err());
+    }
 
     #[test]
     fn every_form_of_a_file_location_is_understood() {
