@@ -4,6 +4,8 @@
 //! [`Log::read`] takes CSV, Parquet and MDF4 by file ending, applies a column map and checks what
 //! every later step relies on: finite, strictly increasing times and at least two samples.
 
+mod assemble;
+mod between;
 pub mod columns;
 mod csv;
 mod error;
@@ -14,8 +16,8 @@ pub mod output;
 #[cfg(feature = "parquet")]
 mod parquet;
 pub mod progress;
+mod recording;
 mod sampling;
-mod table;
 
 pub use columns::ColumnMap;
 pub use error::{LogError, listed};
@@ -34,6 +36,17 @@ pub struct Log {
     pub time: Vec<f64>,
     /// The channels, named as the FMU's inputs; `true_*` are references for reports.
     pub channels: Vec<Channel>,
+    /// What was guessed, repaired or left out while reading, one line each.
+    pub notes: Vec<String>,
+}
+
+/// A channel that a log is read for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Input<'a> {
+    /// Name of the channel.
+    pub name: &'a str,
+    /// SI unit of its values, in the FMI spelling.
+    pub unit: &'a str,
 }
 
 /// One channel of a [`Log`]. NaN is a missing sample.
@@ -55,18 +68,35 @@ enum Format {
 
 impl Format {
     fn of(path: &Path) -> Result<Self, LogError> {
-        let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-        match ending.as_str() {
-            "csv" => Ok(Self::Csv),
+        let fail = |what: &str| Err(LogError::file(&path.display().to_string(), what));
+        let name = path.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        let mut endings = name.rsplit('.');
+        let ending = endings.next().unwrap_or_default();
+        match ending {
+            "csv" | "tsv" => Ok(Self::Csv),
             "parquet" => Ok(Self::Parquet),
-            "mf4" => Ok(Self::Mf4),
-            "gz" | "zip" | "bz2" | "xz" | "zst" => {
-                Err(LogError::file(&path.display().to_string(), "is compressed; unpack it first"))
+            "mf4" | "mdf" => Ok(Self::Mf4),
+            "gz" | "zst" if matches!(endings.next(), Some("csv" | "tsv")) => Ok(Self::Csv),
+            "gz" | "zip" | "bz2" | "xz" | "zst" | "7z" => {
+                fail("is compressed; unpack it first (.csv.gz and .csv.zst are read as they are)")
             }
-            _ => Err(LogError::file(&path.display().to_string(), "unknown ending; .csv, .parquet or .mf4 is expected")),
+            "mf3" | "dat" => {
+                fail("MDF 3 or another older format of measurement files; asammdf, for example, converts it to MDF 4")
+            }
+            "bag" => fail("a bag of ROS 1; `rosbags-convert` makes it MCAP"),
+            "db3" => fail("a rosbag2 file in SQLite storage; `ros2 bag convert` makes it MCAP"),
+            "mat" | "h5" | "hdf5" => fail("MATLAB or HDF5 data; save them as CSV or Parquet"),
+            "xls" | "xlsx" | "ods" => fail("a spreadsheet; save it as CSV"),
+            "tdms" | "arrow" | "feather" | "ulg" | "tlog" => {
+                fail("a format that is not read; save it as CSV or Parquet")
+            }
+            _ => fail(&format!("unknown ending; {ENDINGS} is expected")),
         }
     }
 }
+
+/// The endings of files that are read.
+const ENDINGS: &str = ".csv, .csv.gz, .csv.zst, .parquet or .mf4";
 
 impl Log {
     /// Number of samples.
@@ -101,7 +131,7 @@ impl Log {
 
     /// Reads a log; the file's ending tells its format.
     ///
-    /// Without a column map the file has a column `time` in s, and every column must be numeric.
+    /// Without a column map the file has a column `time` in s, and every column of a text file must be numeric.
     /// With one, the mapped channels come first and columns that the map does not use follow under
     /// their own names, as far as they are numeric.
     /// Infinite samples become missing ones.
@@ -111,25 +141,44 @@ impl Log {
         Ok(log)
     }
 
+    /// As [`read`](Self::read), for a program that knows which channels it needs: their units are checked, and what is
+    /// wrong with other columns never refuses the file.
+    pub fn read_inputs(
+        path: &Path,
+        map: Option<&ColumnMap>,
+        inputs: &[Input],
+        progress: &Progress,
+    ) -> Result<Self, LogError> {
+        let mut log = Self::read_any(path, map, Some(inputs), progress)?;
+        log.drop_infinite();
+        Ok(log)
+    }
+
     /// As [`read`](Self::read), with infinite samples as they are: for a program that hands them on.
     pub fn read_verbatim(path: &Path, map: Option<&ColumnMap>, progress: &Progress) -> Result<Self, LogError> {
-        let table = match Format::of(path)? {
-            Format::Csv => csv::read(path, map, progress)?,
-            #[cfg(feature = "parquet")]
-            Format::Parquet => parquet::read(path, progress)?,
-            #[cfg(feature = "mf4")]
-            Format::Mf4 => mf4::read(path, map, progress)?,
-            #[allow(unreachable_patterns)]
-            _ => {
-                return Err(LogError::file(&path.display().to_string(), "this build cannot read this kind of file"));
-            }
-        };
-        table.into_log(map)
+        Self::read_any(path, map, None, progress)
+    }
+
+    fn read_any(
+        path: &Path,
+        map: Option<&ColumnMap>,
+        inputs: Option<&[Input]>,
+        progress: &Progress,
+    ) -> Result<Self, LogError> {
+        let mut recording = record(path, map, progress)?;
+        for join in map.iter().flat_map(|map| &map.joins) {
+            let map = map.expect("its joins");
+            let other = map.path(&join.path(path));
+            let joined = record(&other, Some(map), progress)?;
+            assemble::join(&mut recording, joined, join, map)?;
+        }
+        assemble::assemble(recording, map, inputs)
     }
 
     /// Reads a log in CSV from any bytes; `name` is named in errors.
     pub fn from_csv(name: &str, from: impl std::io::Read, map: Option<&ColumnMap>) -> Result<Self, LogError> {
-        let mut log = csv::parse(name, from, map, &Progress::none())?.into_log(map)?;
+        let options = map.map(|map| map.csv.clone()).unwrap_or_default();
+        let mut log = assemble::assemble(csv::parse(name, from, &options, &Progress::none())?, map, None)?;
         log.drop_infinite();
         Ok(log)
     }
@@ -156,5 +205,18 @@ impl Log {
             #[allow(unreachable_patterns)]
             _ => Err(failed(&"this build cannot write this kind of file")),
         }
+    }
+}
+
+/// Reads a file as it is.
+fn record(path: &Path, map: Option<&ColumnMap>, progress: &Progress) -> Result<recording::Recording, LogError> {
+    match Format::of(path)? {
+        Format::Csv => csv::read(path, &map.map(|map| map.csv.clone()).unwrap_or_default(), progress),
+        #[cfg(feature = "parquet")]
+        Format::Parquet => parquet::read(path, progress),
+        #[cfg(feature = "mf4")]
+        Format::Mf4 => mf4::read(path, progress),
+        #[allow(unreachable_patterns)]
+        _ => Err(LogError::file(&path.display().to_string(), "this build cannot read this kind of file")),
     }
 }

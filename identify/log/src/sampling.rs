@@ -70,6 +70,7 @@ impl Log {
             sha256: self.sha256.clone(),
             time: self.time[samples.clone()].to_vec(),
             channels: channels.collect(),
+            notes: self.notes.clone(),
         }
     }
 
@@ -107,7 +108,7 @@ impl Log {
         };
         let channels =
             self.channels.iter().map(|c| Channel { name: c.name.clone(), values: pick(&c.values) }).collect();
-        Self { source: self.source.clone(), sha256: self.sha256.clone(), time, channels }
+        Self { source: self.source.clone(), sha256: self.sha256.clone(), time, channels, notes: self.notes.clone() }
     }
 }
 

@@ -1,4 +1,8 @@
 //! All tests of logs in one program, which links once.
 
+mod csv;
 mod damaged;
 mod log;
+mod maps;
+mod measurement;
+mod mf4;

@@ -8,14 +8,49 @@ use crate::vehicle::Vehicle;
 use clap::Args;
 use std::path::PathBuf;
 
-#[derive(Debug, Args)]
-#[command(after_help = "\
+const GRAMMAR: &str = "\
 The result has a column `time` and the columns of the FMU's inputs, in SI units; columns that the map
-does not use follow under their own names. A missing sample is `nan`.
+does not use follow under their own names. A missing sample is `nan`. What was guessed, repaired or left out
+is said on stderr, one line each.
+
+Column maps are TOML files; each key is a channel, its value says where the channel comes from:
+
+  time = \"t_ms\"                                     a column; without unit the one that the file states
+  speed = { column = \"v\", unit = \"km/h\" }            (scale * column + offset), read in unit, turned into SI
+  speed = \"(v_rl + v_rr) / 2\"                       arithmetic over columns: + - * / ^ < <= > >= == != && || !
+                                                     abs sqrt sin cos missing(x); {odd name} in braces
+  speed = [\"v_gps\", \"v_can\"]                        the first column that exists
+  speed = { column = \"n\", unit = \"rpm\", radius = 0.31 }            rotation to motion by a radius in m
+  encoder_left = { column = \"n_rl\", unit = \"rpm\", integrate = true }    speed to angle; differentiate = true: back
+  torque_left = { column = \"m\", scale = 4.8, unit = \"N.m\", missing_if = \"v < 3 || brake > 0\" }
+  accel_x = { column = \"ax\", optional = true }      left out if the log has no such column
+  slope = { value = 0 }                              a constant
+  missing_if = \"gear == 0\"                          a condition for all channels
+
+Groups with clocks of their own (groups of MDF4, topics, CAN messages):
+
+  speed = \"engine/speed\"                            group and column; the same as
+  speed = { column = \"speed\", group = 1 }           by place, counted from 0; column = 3 does so, too
+  time = \"engine/time\"                              whose clock counts (else that of the group with most samples)
+  speed = { column = \"speed\", between = \"hold\" }   what stands between the samples of a slower group:
+                                                     missing (default), hold, nearest or linear
+
+Another file on the clock of the log (time + offset), {stem} being the log's name:
+
+  join = [{ file = \"{stem}_gps.csv\", time = \"t\", offset = -0.35, as = \"gps\" }]
+
+What is guessed of CSV files, if it must be told:
+
+  [csv]
+  separator = \";\"   decimal = \",\"   comment = \"#\"   skip = 2   units = true
+  encoding = \"latin-1\"   missing = [\"-999\"]
 
 Examples:
   identify convert nursing-robot trip.csv --columns bmw_i3.toml --out ride.csv
-  identify convert wheelchair run.mf4 --out run.csv")]
+  identify convert wheelchair run.mf4 --out run.csv";
+
+#[derive(Debug, Args)]
+#[command(after_help = GRAMMAR)]
 pub(super) struct ConvertArgs {
     /// The machine whose inputs the columns are checked against.
     #[arg(value_parser = vehicle_parser())]

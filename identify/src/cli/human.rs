@@ -62,6 +62,7 @@ pub(super) fn estimate(args: &EstimateArgs) -> Result<Outcome, Refusal> {
         eprintln!("identify: warning: {warning}");
     }
     let log = Log::read(&args.log, None, &progress)?;
+    super::tell(&log);
     let result = estimate::run(&mut setup, &log, &progress)?;
     let mut outputs = Outputs::new();
     outputs.file(&args.out, |file| result.write(&args.out, file))?;

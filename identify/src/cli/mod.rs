@@ -3,12 +3,13 @@
 mod convert;
 mod fit;
 mod human;
+mod maps;
 mod settings;
 mod simulate;
 mod tune;
 mod words;
 
-use crate::log::{ColumnMap, Log};
+use crate::log::{Input, Log};
 use crate::progress::Progress;
 use crate::vehicle::Vehicle;
 use clap::{Args, Parser, Subcommand};
@@ -24,8 +25,9 @@ Exit codes:
   1  done with warnings (a parameter is not identifiable or sits at a bound)
   2  refused; one line on stderr says why and no output file is written
 
-Logs are CSV, Parquet or MDF4 files (.csv, .parquet, .mf4) with a column `time` in s and columns
-named as the FMU's inputs, in SI units. --columns reads logs with other names and units.
+Logs are CSV, Parquet or MDF4 files (.csv, .csv.gz, .csv.zst, .parquet, .mf4) with a column `time` in s and
+columns named as the FMU's inputs, in SI units or with units that the file states. --columns reads logs with
+other names and units.
 
 Examples:
   identify simulate nursing-robot --scenario identification --seed 1 --out log.csv
@@ -58,9 +60,10 @@ struct LogArgs {
     /// Logs: .csv, .parquet or .mf4.
     #[arg(value_name = "LOG", required = true)]
     logs: Vec<PathBuf>,
-    /// Column map for logs with other names, units or missing samples.
-    #[arg(long, value_name = "MAP.toml")]
-    columns: Option<PathBuf>,
+    /// Column map for logs with other names, units or missing samples (`identify convert --help` has the grammar);
+    /// repeatable as PATTERN=MAP.toml for logs whose file names fit the pattern, as in 'trip*.csv=car.toml'.
+    #[arg(long, value_name = "[PATTERN=]MAP.toml")]
+    columns: Vec<String>,
 }
 
 /// How a command ended that was not refused.
@@ -122,32 +125,24 @@ fn print(text: &str) {
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }
 
-/// Reads all logs of a command and checks the map against the vehicle's inputs.
+/// Reads all logs of a command and checks the maps against the vehicle's inputs.
 fn read_logs(vehicle: &Vehicle, args: &LogArgs, progress: &Progress) -> Result<Vec<Log>, Refusal> {
-    let map = args.columns.as_deref().map(ColumnMap::read).transpose()?;
-    if let Some(map) = &map {
-        check_map(vehicle, map)?;
-    }
-    args.logs.iter().map(|path| Log::read(path, map.as_ref(), progress).map_err(Refusal::from)).collect()
+    let maps = maps::Maps::read(vehicle, &args.columns)?;
+    let inputs = vehicle.inputs();
+    let inputs: Vec<_> = inputs.iter().map(|input| Input { name: &input.name, unit: &input.unit }).collect();
+    let read = |path: &PathBuf| {
+        let log = Log::read_inputs(path, maps.of(path)?, &inputs, progress)?;
+        tell(&log);
+        Ok(log)
+    };
+    args.logs.iter().map(read).collect()
 }
 
-/// Refuses units that do not fit the vehicle's inputs and points out names that look misspelt.
-fn check_map(vehicle: &Vehicle, map: &ColumnMap) -> Result<(), Refusal> {
-    let inputs = vehicle.inputs();
-    for (channel, unit) in map.units() {
-        if let Some(input) = inputs.iter().find(|input| input.name == channel && input.unit != unit) {
-            let what = format!("{channel}: the unit leads to {unit}, but {vehicle} takes {channel} in {}", input.unit);
-            return Err(map.error(what).into());
-        }
+/// Says what was guessed, repaired or left out of a log.
+fn tell(log: &Log) {
+    for note in &log.notes {
+        eprintln!("identify: note: {}: {}", log.source, note.replace(['\n', '\r'], " "));
     }
-    let names: Vec<_> = inputs.iter().map(|input| input.name.as_str()).collect();
-    for channel in map.channels().filter(|channel| !names.contains(channel)) {
-        let used = |name: &str| map.channels().any(|other| other == name);
-        if let Some(near) = crate::log::columns::nearest(channel, &names).filter(|near| !used(near)) {
-            eprintln!("identify: note: {channel} in the column map is no input of {vehicle}; {near} is");
-        }
-    }
-    Ok(())
 }
 
 /// Refuses an output that would replace one of the inputs.

@@ -69,6 +69,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let map = arguments.columns.as_deref().map(ColumnMap::read).transpose()?;
     // An infinite sample is for the FMU to judge.
     let log = Log::read_verbatim(&arguments.log, map.as_ref(), &progress)?;
+    for note in &log.notes {
+        eprintln!("replay: note: {}: {}", log.source, note.replace(['\n', '\r'], " "));
+    }
     let result = master::run(&arguments.model, &log, &arguments.settings, &progress)?;
     let Some(path) = &arguments.out else {
         return Ok(result.write_csv(std::io::stdout().lock())?);

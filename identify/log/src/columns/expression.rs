@@ -4,7 +4,6 @@
 //! spreads, except where the other side decides: `true || unknown` is true and `false && unknown` is
 //! false.
 
-use super::Columns;
 use exmex::{BinOp, Express, FlatEx, MakeOperators, NumberMatcher, Operator};
 
 /// A parsed expression.
@@ -86,14 +85,13 @@ impl Expression {
         &self.names
     }
 
-    /// Its value at every sample; NaN where it cannot be told.
-    pub fn evaluate(&self, columns: &Columns, samples: usize) -> Vec<f64> {
-        let find = |name: &String| columns.iter().find(|(column, _)| column == name).map(|(_, values)| values);
-        let arguments: Vec<_> = self.names.iter().map(find).collect();
+    /// Its value at every sample; NaN where it cannot be told. `arguments` are the columns of
+    /// [`names`](Self::names), in that order.
+    pub fn evaluate(&self, arguments: &[&[f64]], samples: usize) -> Vec<f64> {
         let mut row = vec![f64::NAN; arguments.len()];
         let value = |sample: usize| {
-            for (slot, values) in row.iter_mut().zip(&arguments) {
-                *slot = values.and_then(|values| values.get(sample)).copied().unwrap_or(f64::NAN);
+            for (slot, values) in row.iter_mut().zip(arguments) {
+                *slot = values.get(sample).copied().unwrap_or(f64::NAN);
             }
             self.tree.eval(&row).unwrap_or(f64::NAN)
         };
@@ -101,8 +99,8 @@ impl Expression {
     }
 
     /// Makes those values missing for which the condition holds or cannot be told.
-    pub fn blank(&self, columns: &Columns, values: &mut [f64]) {
-        let holds = self.evaluate(columns, values.len());
+    pub fn blank(&self, arguments: &[&[f64]], values: &mut [f64]) {
+        let holds = self.evaluate(arguments, values.len());
         for (value, held) in values.iter_mut().zip(holds) {
             if held != 0.0 {
                 *value = f64::NAN;
@@ -116,8 +114,10 @@ mod tests {
     use super::*;
 
     fn at(text: &str, values: &[(&str, f64)]) -> f64 {
-        let columns: Columns = values.iter().map(|(name, value)| ((*name).to_owned(), vec![*value])).collect();
-        Expression::parse(text).unwrap_or_else(|e| panic!("{e}")).evaluate(&columns, 1)[0]
+        let expression = Expression::parse(text).unwrap_or_else(|e| panic!("{e}"));
+        let find = |name: &String| &values.iter().find(|(other, _)| other == name).expect("a column").1;
+        let arguments: Vec<_> = expression.names().iter().map(|name| std::slice::from_ref(find(name))).collect();
+        expression.evaluate(&arguments, 1)[0]
     }
 
     #[test]

@@ -1,39 +1,156 @@
 //! Column maps: how the columns of a foreign log become the channels of an estimator.
 //!
+//! A map is a TOML file. Each key is a channel, its value says where the channel comes from:
+//!
 //! ```toml
 //! time = "time_s"
 //! speed = { column = "v_kmh", unit = "km/h" }
 //! torque_left = { column = "motor_torque_Nm", scale = 4.8325, missing_if = "v_kmh < 10.8 || motor_torque_Nm <= 5" }
-//! yaw_rate = { expression = "({v right} - {v left}) / 0.55" }
+//! yaw_rate = "({v right} - {v left}) / 0.55"
+//! steering_angle = ["delta_filtered", "delta"]              # the first that exists
+//! accel_x = { column = "ax", group = 2, between = "hold" }  # or column = "imu/ax", "2/ax", or column = 7
+//! encoder_left = { column = "wheel_speed_left", unit = "rpm", integrate = true }
+//! tilt_rate = { column = "pitch", unit = "deg", differentiate = true }
+//! drive_force = { column = "motor_torque", scale = 3.2, unit = "N", optional = true }
+//! wheel_speed = { column = "n_wheel", unit = "rpm", radius = 0.31 }
 //! slope = { value = 0 }
 //! ```
 //!
-//! A channel is `scale * column + offset`, read in `unit` and turned into SI. Instead of a `column`
-//! it may have an `expression` over columns or one `value`. A sample is missing where `missing_if`
-//! holds or cannot be evaluated because a column that it names has no sample there; a `missing_if`
-//! of its own line applies to all mapped channels. Times have no `missing_if`. Columns that no
-//! channel is read from keep their own names.
+//! **Source.** One of
+//! - `column`: a name, the place of a column counted from 0, or a list of these of which the first that exists
+//!   is taken. A name may be led by its group (see [groups](#groups));
+//! - `expression`: arithmetic, comparisons and conditions over columns: `+ - * / ^`, `< <= > >= == !=`, `&& || !`,
+//!   `abs sqrt sin cos missing`, parentheses; names with other characters than letters, digits and `_`
+//!   stand in braces;
+//! - `value`: the same number at every sample.
+//!
+//! A bare text is a `column`; if no column has this name, it is read as an `expression`.
+//!
+//! **Value.** `(scale * source + offset)`, read in `unit` and turned into SI. Without `unit` the unit that the
+//! file states is used (MDF4, DBC, `speed [km/h]` in the header of a CSV file); a stated unit that is not known, or
+//! of another quantity than the channel, is refused, and so is a `scale` without a `unit` for a column that is
+//! recorded in anything but SI, as nobody can tell whether the scale already turns it into SI. Expressions
+//! and conditions see the numbers as they were recorded.
+//! `radius` (m) then turns an angle into a distance (and the same for rates); `differentiate = true` and
+//! `integrate = true` follow last, over the log's time: central differences, and the trapezoidal rule from zero,
+//! which bridges samples that are missing for up to 0.1 s or two periods and refuses longer gaps.
+//!
+//! **Missing samples.** A sample is missing where `missing_if` holds or cannot be evaluated because a
+//! column that it names has no sample there; a `missing_if` of its own line applies to all mapped
+//! channels. Times have no `missing_if`. A channel with `optional = true` whose columns the log lacks is left out.
+//!
+//! # Groups
+//! MDF4, MCAP and CAN logs record groups of channels with clocks of their own. `group` is the group's name or its
+//! place counted from 0; `column = "group/channel"` and `column = "1/speed"` say the same. Topics and CAN messages are
+//! groups, too: `speed = "/odom.twist.twist.linear.x"`, `speed = "ESP_21.ESP_v_Signal"`.
+//! `time` names the group whose clock becomes the log's; without it the group with the most samples per
+//! second among those that are used is taken. `between` says what samples of the other groups become:
+//!
+//! | `between` | value at a time of the log |
+//! |---|---|
+//! | `"missing"` (default) | each recorded sample at the nearest time of the log, nothing in between |
+//! | `"hold"` | the last sample, for at most two periods of its group |
+//! | `"nearest"` | the nearest sample, at most one period of its group away |
+//! | `"linear"` | interpolated between two samples that are at most two periods apart |
+//!
+//! A `between` of its own line applies to all channels. `scale`, `offset` and `unit` of `time` apply to the log's time
+//! after groups have been brought together.
+//!
+//! # Joining files
+//! ```toml
+//! join = [{ file = "{stem}_gps.csv", time = "t", offset = -0.35, as = "gps" }]
+//! speed = "gps/v"
+//! ```
+//! adds the groups of another file; its times plus `offset` (s) are times of the log. `{stem}` is the name
+//! of the log without its ending; relative paths start at the map. `time` is the other file's time column (default `time`).
+//!
+//! # Formats
+//! ```toml
+//! [csv]                  # what is guessed otherwise
+//! separator = ";"        # or "tab", ",", "|"
+//! decimal = ","
+//! comment = "#"          # lines that begin so are skipped
+//! skip = 2               # lines before the header
+//! units = true           # the line under the header holds units
+//! encoding = "latin-1"   # or "utf-8", "utf-16le", "utf-16be"
+//! missing = ["-999"]     # further texts that mean a missing sample
+//!
+//! [mcap]
+//! time = "log"           # or "publish", or "header": the stamp in the message's header (default where there is one)
+//!
+//! [can]
+//! dbc = ["car.dbc"]      # relative to the map
+//! ```
+//!
+//! Columns that no channel is read from keep their own names; what is not used never refuses a file.
 
 mod expression;
+mod names;
+mod rule;
+mod select;
 pub(crate) mod unit;
 
-use expression::Expression;
-use std::path::Path;
+pub use names::{hint, nearest};
+pub(crate) use rule::{Candidate, Rule, Source};
+pub(crate) use select::{Selector, Which};
+
+use crate::between::Between;
+pub(crate) use expression::Expression;
+use std::path::{Path, PathBuf};
 use toml::{Table, Value};
-
-/// Keys of a channel's table.
-const KEYS: [&str; 7] = ["column", "expression", "value", "scale", "offset", "unit", "missing_if"];
-
-/// Named columns with their values.
-pub type Columns = Vec<(String, Vec<f64>)>;
 
 /// A column map, read and checked.
 #[derive(Clone, Debug)]
 pub struct ColumnMap {
-    file: String,
-    time: Rule,
-    channels: Vec<(String, Rule)>,
-    missing_if: Option<Expression>,
+    pub(crate) file: String,
+    /// Where relative paths in the map start.
+    folder: PathBuf,
+    pub(crate) time: Option<Rule>,
+    pub(crate) channels: Vec<(String, Rule)>,
+    pub(crate) missing_if: Option<Expression>,
+    pub(crate) between: Option<Between>,
+    pub(crate) joins: Vec<Join>,
+    pub(crate) csv: CsvOptions,
+    pub(crate) stamps: Option<Stamps>,
+    pub(crate) dbc: Vec<PathBuf>,
+}
+
+/// Another file whose groups are added.
+#[derive(Clone, Debug)]
+pub(crate) struct Join {
+    pub file: String,
+    pub time: Option<Rule>,
+    pub offset: f64,
+    pub name: Option<String>,
+}
+
+/// What a map says about the dialect of CSV files; `None` is guessed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct CsvOptions {
+    pub separator: Option<u8>,
+    pub decimal: Option<u8>,
+    pub comment: Option<u8>,
+    pub skip: usize,
+    pub units: Option<bool>,
+    pub encoding: Option<Encoding>,
+    pub missing: Vec<String>,
+}
+
+/// Encodings of text files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Encoding {
+    Utf8,
+    Latin1,
+    Utf16Le,
+    Utf16Be,
+}
+
+/// Which of a message's times counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Stamps {
+    Log,
+    Publish,
+    Header,
 }
 
 /// A column map that is wrong, or does not fit the log.
@@ -46,76 +163,98 @@ pub struct MapError {
     pub what: String,
 }
 
-/// Where the values of one channel come from.
-#[derive(Clone, Debug)]
-struct Rule {
-    source: Source,
-    scale: f64,
-    offset: f64,
-    unit: Option<unit::Unit>,
-    missing_if: Option<Expression>,
-}
-
-#[derive(Clone, Debug)]
-enum Source {
-    Column(String),
-    Expression(Expression),
-    Value(f64),
-}
-
 impl ColumnMap {
     /// Reads a map.
     pub fn read(path: &Path) -> Result<Self, MapError> {
         let file = path.display().to_string();
         match std::fs::read_to_string(path) {
-            Ok(text) => Self::parse(&file, &text),
+            Ok(text) => {
+                let mut map = Self::parse(&file, &text)?;
+                map.folder = path.parent().unwrap_or(Path::new("")).to_owned();
+                Ok(map)
+            }
             Err(e) => Err(MapError { file, what: e.to_string() }),
         }
     }
 
-    /// Parses a map; `file` is named in errors.
+    /// Parses a map; `file` is named in errors, and relative paths start at the working directory.
     pub fn parse(file: &str, text: &str) -> Result<Self, MapError> {
-        let fail = |what: String| MapError { file: file.to_owned(), what };
         let table: Table = toml::from_str(text).map_err(|e: toml::de::Error| {
             let line = e.span().map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count());
             let place = line.map_or(String::new(), |line| format!(":{line}"));
             let what = e.message().lines().collect::<Vec<_>>().join(" ");
             MapError { file: format!("{file}{place}"), what }
         })?;
-        let mut time = None;
-        let mut channels = Vec::new();
-        let mut missing_if = None;
+        let mut map = Self {
+            file: file.to_owned(),
+            folder: PathBuf::new(),
+            time: None,
+            channels: Vec::new(),
+            missing_if: None,
+            between: None,
+            joins: Vec::new(),
+            csv: CsvOptions::default(),
+            stamps: None,
+            dbc: Vec::new(),
+        };
         for (key, value) in &table {
-            match (key.as_str(), value) {
-                ("missing_if", Value::String(text)) => {
-                    missing_if = Some(Expression::parse(text).map_err(|e| fail(format!("missing_if: {e}")))?);
-                }
-                ("time", value) => {
-                    let rule = Rule::parse(value).map_err(|e| fail(format!("time: {e}")))?;
-                    if rule.missing_if.is_some() || matches!(rule.source, Source::Value(_)) {
-                        return Err(fail("time: needs a column and takes no missing_if".to_owned()));
-                    }
-                    time = Some(rule);
-                }
-                (name, value) => {
-                    let rule = Rule::parse(value).map_err(|e| fail(format!("{name}: {e}")))?;
-                    channels.push((name.to_owned(), rule));
-                }
-            }
+            map.entry(key, value).map_err(|what| MapError { file: file.to_owned(), what: format!("{key}: {what}") })?;
         }
-        let time = time.unwrap_or(Rule::plain("time"));
-        Ok(Self { file: file.to_owned(), time, channels, missing_if })
+        Ok(map)
     }
 
-    /// Whether the map needs this column of the log.
+    fn entry(&mut self, key: &str, value: &Value) -> Result<(), String> {
+        match (key, value) {
+            ("missing_if", Value::String(text)) => self.missing_if = Some(Expression::parse(text)?),
+            ("between", Value::String(text)) => self.between = Some(Between::parse(text)?),
+            ("time", value) => {
+                let rule = Rule::parse(value)?;
+                if rule.missing_if.is_some() || matches!(rule.source, Source::Value(_)) || !rule.is_plain_time() {
+                    return Err("needs a column and takes no missing_if".to_owned());
+                }
+                self.time = Some(rule);
+            }
+            ("join", Value::Array(joins)) => {
+                self.joins = joins.iter().map(Join::parse).collect::<Result<_, _>>()?;
+            }
+            ("join", _) => return Err("a list of tables { file = \"...\", offset = 0.0 } is expected".to_owned()),
+            ("csv", Value::Table(table)) if !Rule::is_rule(table) => self.csv = CsvOptions::parse(table)?,
+            ("mcap", Value::Table(table)) if !Rule::is_rule(table) => {
+                known(table, &["time"])?;
+                self.stamps = match table.get("time").and_then(Value::as_str) {
+                    Some("log") => Some(Stamps::Log),
+                    Some("publish") => Some(Stamps::Publish),
+                    Some("header") => Some(Stamps::Header),
+                    _ => return Err("time must be \"log\", \"publish\" or \"header\"".to_owned()),
+                };
+            }
+            ("can", Value::Table(table)) if !Rule::is_rule(table) => {
+                known(table, &["dbc"])?;
+                let paths = table.get("dbc").map(|value| texts("dbc", value)).transpose()?.unwrap_or_default();
+                self.dbc = paths.into_iter().map(PathBuf::from).collect();
+            }
+            (name, value) => {
+                let rule = Rule::parse(value)?;
+                self.channels.push((name.to_owned(), rule));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the map needs a column of this name.
     pub fn uses(&self, column: &str) -> bool {
-        self.rules().any(|(_, rule)| rule.columns().any(|name| name == column))
-            || self.missing_if.as_ref().is_some_and(|c| c.names().iter().any(|name| name == column))
+        self.mentioned().any(|name| name == column)
+    }
+
+    /// All names of columns that stand in the map.
+    pub(crate) fn mentioned(&self) -> impl Iterator<Item = &str> {
+        let rules = self.time.iter().chain(self.channels.iter().map(|(_, rule)| rule));
+        rules.flat_map(Rule::mentioned).chain(self.missing_if.iter().flat_map(|c| c.names()).map(String::as_str))
     }
 
     /// The mapped channels whose unit is stated, with the SI unit that their values have after mapping.
     pub fn units(&self) -> impl Iterator<Item = (&str, &'static str)> {
-        self.channels.iter().filter_map(|(name, rule)| Some((name.as_str(), rule.unit?.si)))
+        self.channels.iter().filter_map(|(name, rule)| Some((name.as_str(), rule.si_after(rule.unit?.si).ok()?)))
     }
 
     /// The mapped channels.
@@ -128,165 +267,102 @@ impl ColumnMap {
         MapError { file: self.file.clone(), what: what.into() }
     }
 
-    /// Turns the columns of a log into times and channels: the mapped ones first, then those that
-    /// the map does not use, under their own names. `log` is named in errors.
-    pub fn apply(&self, log: &str, columns: Columns) -> Result<(Vec<f64>, Columns), MapError> {
-        let names: Vec<_> = columns.iter().map(|(name, _)| name.as_str()).collect();
-        for (key, rule) in self.rules() {
-            if let Some(name) = rule.columns().find(|name| !names.contains(name)) {
-                return Err(self.error(format!("{key}: {log} has no column '{name}'; {}", hint(name, &names))));
-            }
-        }
-        if let Some(name) = self.missing_if.iter().flat_map(|c| c.names()).find(|n| !names.contains(&n.as_str())) {
-            return Err(self.error(format!("missing_if: {log} has no column '{name}'; {}", hint(name, &names))));
-        }
-        let samples = columns.first().map_or(0, |(_, values)| values.len());
-        let time = self.time.values(&columns, samples);
-        let mut mapped = Columns::with_capacity(columns.len() + self.channels.len());
-        for (name, rule) in &self.channels {
-            let mut values = rule.values(&columns, samples);
-            if let Some(condition) = &self.missing_if {
-                condition.blank(&columns, &mut values);
-            }
-            mapped.push((name.clone(), values));
-        }
-        for (name, values) in columns {
-            let read = |rule: &Rule| matches!(&rule.source, Source::Column(column) if *column == name);
-            let taken = self.channels.iter().any(|(channel, _)| *channel == name) || name == "time";
-            if !taken && !self.rules().any(|(_, rule)| read(rule)) {
-                mapped.push((name, values));
-            }
-        }
-        Ok((time, mapped))
-    }
-
-    fn rules(&self) -> impl Iterator<Item = (&str, &Rule)> {
-        let channels = self.channels.iter().map(|(name, rule)| (name.as_str(), rule));
-        std::iter::once(("time", &self.time)).chain(channels)
+    /// A path that stands in the map, as seen from the working directory.
+    pub(crate) fn path(&self, path: &Path) -> PathBuf {
+        self.folder.join(path)
     }
 }
 
-impl Rule {
-    fn plain(column: &str) -> Self {
-        Self { source: Source::Column(column.to_owned()), scale: 1.0, offset: 0.0, unit: None, missing_if: None }
+impl Join {
+    /// The other file, for a log; `{stem}` is the log's name without its ending.
+    pub fn path(&self, log: &Path) -> PathBuf {
+        let name = log.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let stem = name.split_once('.').map_or(name.as_str(), |(stem, _)| stem);
+        PathBuf::from(self.file.replace("{stem}", stem))
     }
 
     fn parse(value: &Value) -> Result<Self, String> {
-        let table = match value {
-            Value::String(column) => return Ok(Self::plain(column)),
-            Value::Table(table) => table,
-            _ => return Err("a column name or a table { column = \"...\", ... } is expected".to_owned()),
+        let Value::Table(table) = value else {
+            return Err("a list of tables { file = \"...\", offset = 0.0 } is expected".to_owned());
         };
-        if let Some(key) = table.keys().find(|key| !KEYS.contains(&key.as_str())) {
-            return Err(format!("unknown key '{key}'; known keys are {}", KEYS.join(", ")));
-        }
+        known(table, &["file", "time", "offset", "as"])?;
+        let text = |key: &str| match table.get(key) {
+            None => Ok(None),
+            Some(Value::String(text)) => Ok(Some(text.clone())),
+            Some(_) => Err(format!("{key} must be a text in quotes")),
+        };
+        Ok(Self {
+            file: text("file")?.ok_or("file is missing")?,
+            time: table.get("time").map(Rule::parse).transpose().map_err(|e| format!("time: {e}"))?,
+            offset: rule::number(table, "offset")?.unwrap_or(0.0),
+            name: text("as")?,
+        })
+    }
+}
+
+impl CsvOptions {
+    fn parse(table: &Table) -> Result<Self, String> {
+        known(table, &["separator", "decimal", "comment", "skip", "units", "encoding", "missing"])?;
         let text = |key: &str| match table.get(key) {
             None => Ok(None),
             Some(Value::String(text)) => Ok(Some(text.as_str())),
             Some(_) => Err(format!("{key} must be a text in quotes")),
         };
-        let number = |key: &str| match table.get(key) {
+        let byte = |key: &str| match text(key)? {
             None => Ok(None),
-            Some(Value::Float(number)) if number.is_finite() => Ok(Some(*number)),
-            Some(Value::Integer(number)) => Ok(Some(*number as f64)),
-            Some(other) => Err(format!("{key} = {other} is not a finite number")),
+            Some("tab" | "\t") => Ok(Some(b'\t')),
+            Some(one) if one.len() == 1 && !matches!(one, "\"" | "\n" | "\r") => Ok(Some(one.as_bytes()[0])),
+            Some(_) => Err(format!("{key} must be a single character, or \"tab\"")),
         };
-        let expression = |key: &str| text(key)?.map(Expression::parse).transpose().map_err(|e| format!("{key}: {e}"));
-        let source = match (text("column")?, expression("expression")?, number("value")?) {
-            (Some(column), None, None) => Source::Column(column.to_owned()),
-            (None, Some(expression), None) => Source::Expression(expression),
-            (None, None, Some(value)) => Source::Value(value),
-            _ => return Err("exactly one of column, expression and value is expected".to_owned()),
-        };
-        let unit = text("unit")?.map(unit::find).transpose()?;
-        let scale = number("scale")?.unwrap_or(1.0);
-        if scale == 0.0 {
-            return Err("scale = 0 would wipe the channel out; value = 0 is a channel of zeros".to_owned());
-        }
         Ok(Self {
-            source,
-            scale,
-            offset: number("offset")?.unwrap_or(0.0),
-            unit,
-            missing_if: expression("missing_if")?,
+            separator: byte("separator")?,
+            decimal: match byte("decimal")? {
+                None | Some(b'.' | b',') => byte("decimal")?,
+                Some(_) => return Err("decimal must be \".\" or \",\"".to_owned()),
+            },
+            comment: byte("comment")?,
+            skip: match table.get("skip") {
+                None => 0,
+                Some(Value::Integer(lines)) if *lines >= 0 => *lines as usize,
+                Some(_) => return Err("skip must be a number of lines".to_owned()),
+            },
+            units: match table.get("units") {
+                None => None,
+                Some(Value::Boolean(units)) => Some(*units),
+                Some(_) => return Err("units must be true or false".to_owned()),
+            },
+            encoding: match text("encoding")?.map(str::to_ascii_lowercase).as_deref() {
+                None => None,
+                Some("utf-8" | "utf8") => Some(Encoding::Utf8),
+                Some("latin-1" | "latin1" | "iso-8859-1" | "windows-1252" | "cp1252") => Some(Encoding::Latin1),
+                Some("utf-16le" | "utf-16") => Some(Encoding::Utf16Le),
+                Some("utf-16be") => Some(Encoding::Utf16Be),
+                Some(other) => {
+                    let other = other.escape_debug();
+                    return Err(format!(
+                        "encoding '{other}' is not known; known are utf-8, latin-1, utf-16le, utf-16be"
+                    ));
+                }
+            },
+            missing: table.get("missing").map(|value| texts("missing", value)).transpose()?.unwrap_or_default(),
         })
     }
+}
 
-    /// All columns that this rule needs.
-    fn columns(&self) -> impl Iterator<Item = &str> {
-        let (column, names) = match &self.source {
-            Source::Column(name) => (Some(name.as_str()), &[][..]),
-            Source::Expression(expression) => (None, expression.names()),
-            Source::Value(_) => (None, &[][..]),
-        };
-        let conditions = self.missing_if.as_ref().map_or(&[][..], Expression::names);
-        column.into_iter().chain(names.iter().chain(conditions).map(String::as_str))
-    }
-
-    fn values(&self, columns: &Columns, samples: usize) -> Vec<f64> {
-        let mut values = match &self.source {
-            Source::Column(name) => {
-                columns.iter().find(|(column, _)| column == name).map(|(_, values)| values.clone()).unwrap_or_default()
-            }
-            Source::Expression(expression) => expression.evaluate(columns, samples),
-            Source::Value(value) => vec![*value; samples],
-        };
-        let unit = self.unit.unwrap_or(unit::Unit { factor: 1.0, zero: 0.0, si: "" });
-        if self.scale != 1.0 || self.offset != 0.0 || unit.factor != 1.0 || unit.zero != 0.0 {
-            for value in &mut values {
-                *value = (self.scale * *value + self.offset) * unit.factor + unit.zero;
-            }
-        }
-        if let Some(condition) = &self.missing_if {
-            condition.blank(columns, &mut values);
-        }
-        values
+/// Refuses keys that are not known.
+fn known(table: &Table, keys: &[&str]) -> Result<(), String> {
+    match table.keys().find(|key| !keys.contains(&key.as_str())) {
+        None => Ok(()),
+        Some(key) => Err(format!("unknown key '{key}'; known keys are {}", keys.join(", "))),
     }
 }
 
-/// What to say about a name that is not there: the most similar ones, or all if they are few.
-pub fn hint(name: &str, names: &[&str]) -> String {
-    let mut ranked: Vec<_> = names.iter().map(|candidate| (distance(name, candidate), *candidate)).collect();
-    ranked.sort();
-    let near: Vec<_> = ranked.iter().filter(|(d, _)| *d <= 1 + name.chars().count() / 4).take(3).collect();
-    match near.as_slice() {
-        [] if names.is_empty() => "it has no columns".to_owned(),
-        [] => {
-            let rest = if names.len() > 12 { format!(" and {} more", names.len() - 12) } else { String::new() };
-            format!("there are {}{rest}", names[..names.len().min(12)].join(", "))
-        }
-        near => {
-            let words: Vec<_> = near.iter().map(|(_, candidate)| format!("'{candidate}'")).collect();
-            format!("did you mean {}?", words.join(" or "))
-        }
-    }
-}
-
-/// The most similar of some names, if any is similar at all.
-pub fn nearest<'a>(name: &str, names: &[&'a str]) -> Option<&'a str> {
-    let ranked = names.iter().map(|candidate| (distance(name, candidate), *candidate)).min();
-    ranked.filter(|(d, _)| *d <= 1 + name.chars().count() / 4).map(|(_, candidate)| candidate)
-}
-
-/// Edits between two names, case ignored; 1 if one contains the other, which is no mere letter.
-fn distance(a: &str, b: &str) -> usize {
-    let (a, b) = (a.to_lowercase(), b.to_lowercase());
-    if a == b {
-        return 0;
-    }
-    if a.len().min(b.len()) > 1 && (a.contains(&b) || b.contains(&a)) {
-        return 1;
-    }
-    let b: Vec<char> = b.chars().take(80).collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().take(80).enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(x != *y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
+/// One text or a list of texts.
+fn texts(key: &str, value: &Value) -> Result<Vec<String>, String> {
+    let values = match value {
+        Value::Array(values) => values.as_slice(),
+        value => std::slice::from_ref(value),
+    };
+    let text = |value: &Value| value.as_str().map(str::to_owned);
+    values.iter().map(text).collect::<Option<_>>().ok_or_else(|| format!("{key} must be a text or a list of texts"))
 }

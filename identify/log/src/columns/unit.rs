@@ -9,18 +9,41 @@ pub struct Unit {
     pub si: &'static str,
 }
 
+impl Unit {
+    /// Whether values in it are values in SI.
+    pub fn is_si(&self) -> bool {
+        self.factor == 1.0 && self.zero == 0.0
+    }
+}
+
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 const RPM: f64 = std::f64::consts::PI / 30.0;
 /// Standard gravity, m/s2.
 const GRAVITY: f64 = 9.80665;
 
+/// Edits between two spellings, case ignored.
+fn distance(a: &str, b: &str) -> usize {
+    let fold = |text: &str| text.to_lowercase().replace([' ', '.', '*', '·'], "").chars().collect::<Vec<_>>();
+    let (a, b) = (fold(a), fold(b));
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.iter().take(40).enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, y) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(x != y);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
 /// All spellings, the factor to SI and the SI unit; grouped by quantity.
 const UNITS: &[(&[&str], f64, f64, &str)] = &[
     (&["1", "-"], 1.0, 0.0, "1"),
     (&["%", "percent"], 0.01, 0.0, "1"),
-    (&["s"], 1.0, 0.0, "s"),
+    (&["s", "sec"], 1.0, 0.0, "s"),
     (&["ms"], 1e-3, 0.0, "s"),
-    (&["us", "µs"], 1e-6, 0.0, "s"),
+    (&["us", "µs", "μs"], 1e-6, 0.0, "s"),
     (&["ns"], 1e-9, 0.0, "s"),
     (&["min"], 60.0, 0.0, "s"),
     (&["h"], 3600.0, 0.0, "s"),
@@ -37,7 +60,7 @@ const UNITS: &[(&[&str], f64, f64, &str)] = &[
     (&["mph"], 0.44704, 0.0, "m/s"),
     (&["kn", "knot"], 1852.0 / 3600.0, 0.0, "m/s"),
     (&["ft/s"], 0.3048, 0.0, "m/s"),
-    (&["m/s2", "m/s^2", "m/s²"], 1.0, 0.0, "m/s2"),
+    (&["m/s2", "m/s^2", "m/s²", "m/s/s", "m/s**2"], 1.0, 0.0, "m/s2"),
     (&["g"], GRAVITY, 0.0, "m/s2"),
     (&["mg"], 1e-3 * GRAVITY, 0.0, "m/s2"),
     (&["rad"], 1.0, 0.0, "rad"),
@@ -47,15 +70,15 @@ const UNITS: &[(&[&str], f64, f64, &str)] = &[
     (&["rad/s"], 1.0, 0.0, "rad/s"),
     (&["mrad/s"], 1e-3, 0.0, "rad/s"),
     (&["deg/s", "°/s", "dps"], DEGREE, 0.0, "rad/s"),
-    (&["rpm", "1/min", "rev/min"], RPM, 0.0, "rad/s"),
+    (&["rpm", "1/min", "rev/min", "r/min", "U/min"], RPM, 0.0, "rad/s"),
     (&["rev/s"], std::f64::consts::TAU, 0.0, "rad/s"),
-    (&["rad/s2", "rad/s^2", "rad/s²"], 1.0, 0.0, "rad/s2"),
-    (&["deg/s2", "deg/s^2", "°/s²"], DEGREE, 0.0, "rad/s2"),
+    (&["rad/s2", "rad/s^2", "rad/s²", "rad/s/s"], 1.0, 0.0, "rad/s2"),
+    (&["deg/s2", "deg/s^2", "°/s²", "°/s^2"], DEGREE, 0.0, "rad/s2"),
     (&["N"], 1.0, 0.0, "N"),
     (&["kN"], 1e3, 0.0, "N"),
     (&["kgf"], GRAVITY, 0.0, "N"),
     (&["lbf"], 4.448_221_615_260_5, 0.0, "N"),
-    (&["N.m", "Nm", "N*m", "N m"], 1.0, 0.0, "N.m"),
+    (&["N.m", "Nm", "N*m", "N m", "N·m"], 1.0, 0.0, "N.m"),
     (&["mNm", "mN.m"], 1e-3, 0.0, "N.m"),
     (&["kNm", "kN.m"], 1e3, 0.0, "N.m"),
     (&["lbf.ft", "lb.ft", "ft.lbf"], 1.355_817_948_331_4, 0.0, "N.m"),
@@ -76,12 +99,24 @@ const UNITS: &[(&[&str], f64, f64, &str)] = &[
     (&["bar"], 1e5, 0.0, "Pa"),
 ];
 
-/// The unit of this spelling; the error lists the known ones.
+/// The unit of this spelling; the error names the nearest known ones, or all.
 pub fn find(text: &str) -> Result<Unit, String> {
     let found = UNITS.iter().find(|(spellings, ..)| spellings.contains(&text.trim()));
     let (_, factor, zero, si) = found.ok_or_else(|| {
-        let known: Vec<_> = UNITS.iter().map(|(spellings, ..)| spellings[0]).collect();
-        format!("unknown unit '{}'; known are {}", text.escape_debug(), known.join(", "))
+        let text = text.trim();
+        let mut ranked: Vec<_> =
+            UNITS.iter().flat_map(|(spellings, ..)| *spellings).map(|known| (distance(text, known), *known)).collect();
+        ranked.sort();
+        let near = ranked.iter().take_while(|(d, _)| *d <= 1 && text.len() > 1 || *d == 0).take(4);
+        let near: Vec<_> = near.map(|(_, known)| *known).collect();
+        let text: String = text.chars().take(40).flat_map(char::escape_debug).collect();
+        match near.as_slice() {
+            [] => {
+                let known: Vec<_> = UNITS.iter().map(|(spellings, ..)| spellings[0]).collect();
+                format!("unknown unit '{text}'; known are {}", known.join(", "))
+            }
+            near => format!("unknown unit '{text}'; the nearest known ones are {}", near.join(", ")),
+        }
     })?;
     Ok(Unit { factor: *factor, zero: *zero, si })
 }

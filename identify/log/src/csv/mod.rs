@@ -1,0 +1,213 @@
+//! CSV: a header with names, and a row for each sample; empty or `nan` is a missing one.
+//!
+//! What is usual elsewhere (separators, decimal commas, rows of units, encodings, comments, packed files) is
+//! guessed from the start of the file and said in one line.
+
+mod cell;
+mod dialect;
+mod source;
+
+use super::columns::CsvOptions;
+use super::error::quoted;
+use super::recording::{Clock, Column, Group, Place, Recording, Values};
+use super::{Log, LogError};
+use crate::progress::Progress;
+use ::csv::{ByteRecord, ReaderBuilder, Trim};
+use cell::Kind;
+use dialect::{Dialect, bare, name_and_unit};
+use source::Source;
+pub(super) use source::{sha256, sha256_of};
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Write};
+use std::path::Path;
+
+/// Rows between two looks at the progress handle.
+const STRIDE: usize = 1 << 14;
+
+/// Reads a file row by row.
+pub(super) fn read(path: &Path, options: &CsvOptions, progress: &Progress) -> Result<Recording, LogError> {
+    let name = path.display().to_string();
+    let opened = File::open(path).and_then(|file| Ok((file.metadata()?, file)));
+    let (meta, file) = opened.map_err(|e| LogError::file(&name, e.to_string()))?;
+    if meta.is_dir() {
+        return Err(LogError::file(&name, "is a directory, not a log"));
+    }
+    let what = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    progress.start(format!("reading {what}"), meta.len());
+    let recording = parse(&name, file, options, progress);
+    progress.finish();
+    recording
+}
+
+/// A column that is being read.
+struct Reading {
+    title: String,
+    unit: Option<String>,
+    kind: Kind,
+    values: Vec<f64>,
+    /// Place and content of the first text, after which nothing more is read.
+    text: Option<(String, String)>,
+}
+
+/// The parser itself, over any bytes.
+pub(super) fn parse(file: &str, from: impl Read, options: &CsvOptions, to: &Progress) -> Result<Recording, LogError> {
+    let mut source = Source::open(file, from, options.encoding)?;
+    let dialect = Dialect::guess(file, &source, options)?;
+    let lines = source.lines(dialect.skip.0, dialect.ends);
+    let mut reader = ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .trim(Trim::All)
+        .delimiter(dialect.separator)
+        .comment(dialect.comment)
+        .buffer_capacity(1 << 16)
+        .from_reader(lines);
+    let mut record = ByteRecord::new();
+    let fail = |e: ::csv::Error| LogError::file(file, e.to_string());
+    if !reader.read_byte_record(&mut record).map_err(fail)? {
+        return Err(LogError::file(file, "the file is empty"));
+    }
+    // The reader stands behind the line feed of the record that it just read.
+    let line = |reader: &::csv::Reader<_>| dialect.skip.1 + reader.position().line().saturating_sub(1);
+    let header = line(&reader);
+    let mut columns = columns(file, &record, header, &source, &dialect)?;
+    if dialect.unit_row && reader.read_byte_record(&mut record).map_err(fail)? {
+        for (column, cell) in columns.iter_mut().zip(&record) {
+            let text = source.decode(cell);
+            let text = bare(&text);
+            if !text.is_empty() {
+                column.unit = Some(text.to_owned());
+            }
+        }
+    }
+    let mut samples = Vec::new();
+    let mut empty = 0;
+    let mut seen = 0;
+    while reader.read_byte_record(&mut record).map_err(fail)? {
+        let line = line(&reader);
+        let blank = record.iter().all(<[u8]>::is_empty);
+        let surplus = record.len() > columns.len() && record.iter().skip(columns.len()).all(<[u8]>::is_empty);
+        if record.len() != columns.len() && !surplus && !blank {
+            let what = format!("{} cells, but the header has {} columns", record.len(), columns.len());
+            return Err(LogError::line(file, line, what));
+        }
+        empty = if blank { empty + 1 } else { 0 };
+        for (index, column) in columns.iter_mut().enumerate() {
+            if column.text.is_some() {
+                continue;
+            }
+            let cell = record.get(index).unwrap_or_default();
+            match dialect.cells.value(cell, &mut column.kind) {
+                Some(value) => column.values.push(value),
+                None => {
+                    column.text = Some((format!("{file}:{line}"), source.decode(cell).into_owned()));
+                    column.values = Vec::new();
+                }
+            }
+        }
+        samples.push(u32::try_from(line).unwrap_or(u32::MAX));
+        if samples.len() % STRIDE == 0 {
+            to.advance(source.position() - seen);
+            seen = source.position();
+            to.check()?;
+        }
+    }
+    let mut notes: Vec<String> = dialect.note.iter().cloned().collect();
+    if empty > 0 {
+        samples.truncate(samples.len() - empty);
+        columns.iter_mut().for_each(|column| column.values.truncate(samples.len()));
+        notes.push(format!("{empty} empty row{} at the end left out", if empty == 1 { "" } else { "s" }));
+    }
+    if samples.is_empty() {
+        return Err(LogError::line(file, header, "there is a header but no sample"));
+    }
+    for column in columns.iter().filter(|column| column.text.is_none()) {
+        match column.kind {
+            Kind::Stamp => notes.push(format!("{}: dates in UTC become s since 1970-01-01", column.title)),
+            Kind::OfDay => notes.push(format!("{}: times of day become s since midnight", column.title)),
+            Kind::Unknown | Kind::Number => {}
+        }
+    }
+    drop(reader);
+    let sha256 = source.sha256().map_err(|e| LogError::file(file, e.to_string()))?;
+    let columns = columns.into_iter().map(finished).collect();
+    Ok(Recording {
+        file: file.to_owned(),
+        sha256,
+        groups: vec![Group { name: String::new(), clock: Clock::Undecided, columns }],
+        own: 1,
+        notes,
+        place: Place::Lines { header, samples },
+    })
+}
+
+fn finished(column: Reading) -> Column {
+    let (name, unit) = match column.unit {
+        Some(unit) => (column.title.as_str(), Some(unit)),
+        None => {
+            let (name, unit) = name_and_unit(&column.title);
+            (name, unit.map(str::to_owned))
+        }
+    };
+    let typed = matches!(column.kind, Kind::Stamp | Kind::OfDay);
+    let unit = if typed { Some("s".to_owned()) } else { unit };
+    let values = match column.text {
+        None => Values::Numbers(column.values),
+        Some((at, text)) => Values::Text { at, text },
+    };
+    let title = (name != column.title).then(|| column.title.clone());
+    Column { name: name.to_owned(), title, unit, values, typed }
+}
+
+fn columns(
+    file: &str,
+    record: &ByteRecord,
+    line: u64,
+    source: &Source,
+    dialect: &Dialect,
+) -> Result<Vec<Reading>, LogError> {
+    let mut columns: Vec<Reading> = Vec::with_capacity(record.len());
+    for (index, cell) in record.iter().enumerate() {
+        let name = source.decode(cell);
+        let name = name.trim();
+        let name = name.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).unwrap_or(name);
+        let title = if name.is_empty() { format!("column_{}", index + 1) } else { name.to_owned() };
+        columns.push(Reading { title, unit: None, kind: Kind::Unknown, values: Vec::new(), text: None });
+    }
+    if record.iter().all(|cell| !cell.is_empty() && dialect.cells.is_value(cell)) {
+        let what = "a header with the names of the columns is expected, but here stand values";
+        return Err(LogError::line(file, line, format!("{what}, {} first", quoted(&columns[0].title))));
+    }
+    Ok(columns)
+}
+
+/// Writes a log so that this reader and fmpy's `read_csv` return the same numbers.
+pub(super) fn write(log: &Log, to: impl Write) -> io::Result<()> {
+    let mut to = BufWriter::with_capacity(1 << 16, to);
+    write!(to, "time")?;
+    for channel in &log.channels {
+        if channel.name.contains([',', '"', '\n', '\r']) {
+            write!(to, ",\"{}\"", channel.name.replace('"', "\"\""))?;
+        } else {
+            write!(to, ",{}", channel.name)?;
+        }
+    }
+    writeln!(to)?;
+    for (sample, time) in log.time.iter().enumerate() {
+        write!(to, "{time:?}")?;
+        for channel in &log.channels {
+            let value = channel.values[sample];
+            if value.is_nan() {
+                write!(to, ",nan")?
+            } else if value.fract() == 0.0 && value.abs() < 1e15 {
+                // Without a point, as flags and counters are read.
+                write!(to, ",{value:.0}")?
+            } else {
+                // Shortest decimal that reads back as the same number.
+                write!(to, ",{value:?}")?
+            };
+        }
+        writeln!(to)?;
+    }
+    to.flush()
+}

@@ -1,0 +1,187 @@
+//! Parquet: flat numeric columns; a null is a missing sample. Times, dates and durations become s.
+
+mod arrow;
+mod types;
+
+use super::recording::{Clock, Column, Group, Place, Recording, Values};
+use super::{Log, LogError};
+use crate::guard::guarded;
+use crate::progress::Progress;
+use ::parquet::basic::{Repetition, Type as Physical};
+use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use ::parquet::data_type::{DataType, DoubleType};
+use ::parquet::errors::ParquetError;
+use ::parquet::file::metadata::KeyValue;
+use ::parquet::file::properties::WriterProperties;
+use ::parquet::file::reader::{FileReader, SerializedFileReader};
+use ::parquet::file::writer::SerializedFileWriter;
+use ::parquet::schema::types::Type;
+use std::fs::File;
+use std::io::Write;
+use std::path::Path;
+use std::sync::Arc;
+use types::Meaning;
+
+/// Reads a file column by column.
+pub(super) fn read(path: &Path, progress: &Progress) -> Result<Recording, LogError> {
+    let name = path.display().to_string();
+    guarded(|| parse(path, progress)).unwrap_or_else(|| Err(LogError::file(&name, "the file is damaged")))
+}
+
+fn parse(path: &Path, progress: &Progress) -> Result<Recording, LogError> {
+    let name = path.display().to_string();
+    let file = File::open(path).map_err(|e| LogError::file(&name, e.to_string()))?;
+    let sha256 = super::csv::sha256(path).map_err(|e| LogError::file(&name, e.to_string()))?;
+    let reason = |e: ParquetError| e.to_string().replace('\n', " ");
+    let fail = |e: ParquetError| LogError::file(&name, format!("not a readable Parquet file: {}", reason(e)));
+    let reader = SerializedFileReader::new(file).map_err(fail)?;
+    let meta = reader.metadata().file_metadata();
+    let schema = meta.schema_descr();
+    let told = |key: &str| find(meta.key_value_metadata(), key);
+    let durations = told("ARROW:schema").map(arrow::durations).unwrap_or_default();
+    let rows: usize =
+        reader.metadata().row_groups().iter().map(|group| usize::try_from(group.num_rows()).unwrap_or(0)).sum();
+    let mut columns: Vec<Column> = Vec::new();
+    let mut notes = Vec::new();
+    progress.start(format!("reading {name}"), (schema.num_columns() * reader.num_row_groups()) as u64);
+    for (index, column) in schema.columns().iter().enumerate() {
+        let title = column.path().string();
+        let meaning = match Meaning::of(column, durations.get(&title).copied()) {
+            Ok(meaning) => meaning,
+            Err(what) => {
+                columns.push(Column::other(title, what));
+                continue;
+            }
+        };
+        let mut values = Vec::new();
+        let mut damage = None;
+        for group in 0..reader.num_row_groups() {
+            progress.check()?;
+            let read = || {
+                let group = reader.get_row_group(group)?;
+                let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
+                append(group.get_column_reader(index)?, rows, (meaning, column.max_def_level()), &mut values)
+            };
+            // A column that nobody needs shall not refuse the file.
+            damage = damage.or(guarded(read)
+                .unwrap_or_else(|| Err(ParquetError::General("the page is damaged".to_owned())))
+                .err());
+            progress.advance(1);
+        }
+        if let Some(damage) = damage {
+            columns.push(Column::other(title, format!("data that cannot be read ({})", reason(damage))));
+        } else if values.len() != rows {
+            columns.push(Column::other(title, format!("{} values instead of {rows}", values.len())));
+        } else {
+            let unit = meaning.is_time().then(|| "s".to_owned());
+            if meaning == Meaning::Days || meaning == Meaning::Julian {
+                notes.push(format!("{title}: dates become s since 1970-01-01"));
+            }
+            columns.push(Column {
+                name: title,
+                title: None,
+                unit,
+                values: Values::Numbers(values),
+                typed: meaning.is_time(),
+            });
+        }
+    }
+    columns.extend(told("pandas").and_then(|text| range_index(text, rows)));
+    progress.finish();
+    let groups = vec![Group { name: String::new(), clock: Clock::Undecided, columns }];
+    Ok(Recording { file: name, sha256, groups, own: 1, notes, place: Place::Samples })
+}
+
+/// A text in the file's metadata.
+fn find<'a>(entries: Option<&'a Vec<KeyValue>>, key: &str) -> Option<&'a str> {
+    entries?.iter().find(|entry| entry.key == key)?.value.as_deref()
+}
+
+/// The index of a pandas table that is not stored but counted: `{"kind": "range", "name": .., "start": .., "step": ..}`.
+fn range_index(pandas: &str, rows: usize) -> Option<Column> {
+    let told: serde_json::Value = serde_json::from_str(pandas).ok()?;
+    let index =
+        told.get("index_columns")?.as_array()?.iter().find(|index| index.get("kind").is_some_and(|k| k == "range"))?;
+    let (name, start, step) =
+        (index.get("name")?.as_str()?, index.get("start")?.as_f64()?, index.get("step")?.as_f64()?);
+    Some(Column::numbers(name, (0..rows).map(|row| start + row as f64 * step).collect()))
+}
+
+/// Appends a column chunk, NaN below the definition level `top`.
+fn append(
+    reader: ColumnReader,
+    rows: usize,
+    (meaning, top): (Meaning, i16),
+    to: &mut Vec<f64>,
+) -> Result<(), ParquetError> {
+    let rows = (rows, top);
+    match reader {
+        ColumnReader::BoolColumnReader(reader) => typed(reader, rows, |v| f64::from(u8::from(*v)), to),
+        ColumnReader::Int32ColumnReader(reader) => typed(reader, rows, |v| meaning.of_i32(*v), to),
+        ColumnReader::Int64ColumnReader(reader) => typed(reader, rows, |v| meaning.of_i64(*v), to),
+        ColumnReader::Int96ColumnReader(reader) => typed(reader, rows, |v| meaning.of_int96(v), to),
+        ColumnReader::FloatColumnReader(reader) => typed(reader, rows, |v| f64::from(*v), to),
+        ColumnReader::DoubleColumnReader(reader) => typed(reader, rows, |v| *v, to),
+        ColumnReader::ByteArrayColumnReader(reader) => typed(reader, rows, |v| meaning.of_bytes(v.data()), to),
+        ColumnReader::FixedLenByteArrayColumnReader(reader) => typed(reader, rows, |v| meaning.of_bytes(v.data()), to),
+    }
+}
+
+/// Reads all values of a column chunk in pieces.
+fn typed<T: DataType>(
+    mut reader: ColumnReaderImpl<T>,
+    (rows, top): (usize, i16),
+    number: impl Fn(&T::T) -> f64,
+    to: &mut Vec<f64>,
+) -> Result<(), ParquetError> {
+    let (mut levels, mut values) = (Vec::new(), Vec::new());
+    let mut left = rows;
+    while left > 0 {
+        levels.clear();
+        values.clear();
+        let (records, _, count) = reader.read_records(left.min(1 << 16), Some(&mut levels), None, &mut values)?;
+        if records == 0 {
+            return Err(ParquetError::General(format!("a column ends {left} values early")));
+        }
+        let mut present = values.iter().map(&number);
+        if levels.is_empty() {
+            to.extend(present);
+        } else {
+            let filled = levels[..count].iter().map(|level| if *level == top { present.next() } else { None });
+            to.extend(filled.map(|value| value.unwrap_or(f64::NAN)));
+        }
+        left -= records;
+    }
+    Ok(())
+}
+
+/// Writes all channels as optional doubles; missing samples become nulls.
+pub(super) fn write(log: &Log, to: impl Write + Send) -> Result<(), ParquetError> {
+    let field = |name: &str, repetition| {
+        Type::primitive_type_builder(name, Physical::DOUBLE).with_repetition(repetition).build().map(Arc::new)
+    };
+    let mut fields = vec![field("time", Repetition::REQUIRED)?];
+    for channel in &log.channels {
+        fields.push(field(&channel.name, Repetition::OPTIONAL)?);
+    }
+    let schema = Arc::new(Type::group_type_builder("log").with_fields(fields).build()?);
+    let mut writer = SerializedFileWriter::new(to, schema, Arc::new(WriterProperties::builder().build()))?;
+    let mut group = writer.next_row_group()?;
+    let mut index = 0;
+    while let Some(mut column) = group.next_column()? {
+        let typed = column.typed::<DoubleType>();
+        if index == 0 {
+            typed.write_batch(&log.time, None, None)?;
+        } else {
+            let values = &log.channels[index - 1].values;
+            let levels: Vec<i16> = values.iter().map(|value| i16::from(!value.is_nan())).collect();
+            let present: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
+            typed.write_batch(&present, Some(&levels), None)?;
+        }
+        column.close()?;
+        index += 1;
+    }
+    group.close()?;
+    writer.close()?;
+    Ok(())
+}
