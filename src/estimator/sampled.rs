@@ -25,6 +25,8 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 /// Without anything measured that the filter could use for this long the estimates are not healthy, s.
 pub const LONGEST_SILENCE: f64 = 1.0;
+/// As long as never, s.
+const LONG_AGO: f64 = 1e9;
 
 crate::variables! {
     /// What every estimator says about its last sample.
@@ -267,7 +269,7 @@ impl<M: Machine> Estimator for Sampled<M> {
             machine: state,
             started: false,
             last: vec![None; channels.iter().filter(|channel| channel.slot.is_some()).count()],
-            silent: 0.0,
+            silent: LONG_AGO,
             monitor: NisMonitor::default(),
             diagnostics: Diagnostics::default(),
         };
@@ -299,7 +301,7 @@ impl<M: Machine> Estimator for Sampled<M> {
 
         let state = &mut self.state;
         state.started = true;
-        state.silent = if outcome.used { 0.0 } else { (state.silent + elapsed.seconds()).min(1e9) };
+        state.silent = if outcome.used { 0.0 } else { (state.silent + elapsed.seconds()).min(LONG_AGO) };
         let nis = if outcome.channels > 0 { (outcome.nis / outcome.channels as f64).min(f64::MAX) } else { 0.0 };
         if outcome.channels > 0 {
             state.monitor.update(nis, elapsed.seconds());

@@ -9,13 +9,13 @@ mod support;
 
 use divan::{Bencher, black_box};
 use nalgebra::Vector3;
-use wheelstate::Estimator;
 use wheelstate::estimator::human_dynamics::whole_body::{Posture, WholeBody};
 use wheelstate::estimator::human_dynamics::{HumanDynamics, Inputs, Parameters};
 use wheelstate::model::multibody::equations::Base;
 use wheelstate::model::multibody::prior::Variances;
 use wheelstate::model::multibody::sensors::{Noise, Quantity, Sensor};
 use wheelstate::model::multibody::tree::{Description, Joint, JointKind, Link, Tree};
+use wheelstate::{Estimator, Variables};
 
 fn main() {
     for name in REFERENCE {
@@ -68,6 +68,8 @@ fn seated_estimator(bencher: Bencher, sensors: &str) {
     }
     let mut estimator = HumanDynamics::new(&parameters).unwrap();
     let mut inputs = Inputs::default();
+    inputs.map(&mut |_| 0.0);
+    inputs.base_accel = [0.0, 0.0, 9.80665];
     bencher.bench_local(|| {
         inputs.q[1] += 1e-4;
         estimator.step(black_box(&inputs), 0.01)

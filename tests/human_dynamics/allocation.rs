@@ -4,7 +4,7 @@ use super::cases::case;
 use crate::counting::allocations;
 use wheelstate::Estimator;
 use wheelstate::estimator::human_dynamics::whole_body::Posture;
-use wheelstate::estimator::human_dynamics::{HumanDynamics, Inputs, Outputs, Parameters};
+use wheelstate::estimator::human_dynamics::{HumanDynamics, Outputs, Parameters};
 
 #[test]
 fn steps_do_not_allocate() {
@@ -31,7 +31,7 @@ fn steps_do_not_allocate() {
         let mut outputs = Outputs::default();
         let before = allocations();
         for k in 0..60 {
-            let mut inputs = Inputs::default();
+            let mut inputs = super::cases::sitting();
             inputs.q[1] = 0.1 * (0.1 * f64::from(k)).sin();
             match k % 10 {
                 3 => inputs.q[2] = f64::NAN,

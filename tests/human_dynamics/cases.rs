@@ -203,3 +203,12 @@ pub fn largest_relative(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).map(|(a, b)| (a - b).abs() / b.abs()).fold(0.0, f64::max)
 }
+
+/// Everything measured on a person who sits upright and still with nothing in the hands.
+pub fn sitting() -> wheelstate::estimator::human_dynamics::Inputs {
+    let up = [0.0, 0.0, 9.80665];
+    let mut inputs = wheelstate::estimator::human_dynamics::Inputs::default();
+    wheelstate::Variables::map(&mut inputs, &mut |_| 0.0);
+    (inputs.base_accel, inputs.imu) = (up, [up; 4]);
+    inputs
+}

@@ -8,6 +8,7 @@
 //! ```
 //! One or the other: the seat wrench already holds weight and inertia of the person.
 
+use super::cases::sitting;
 use nalgebra::Vector3;
 use wheelstate::Estimator;
 use wheelstate::estimator::human_dynamics::{HumanDynamics, Inputs, Outputs, Parameters};
@@ -31,13 +32,13 @@ fn the_person_loads_the_vehicle_with_weight_and_inertia() {
     (used.seat_wrench, used.hand_wrench, used.foot_wrench) = (false, true, true);
     let mut human = HumanDynamics::new(&parameters).unwrap();
     for ahead in [0.0, -2.5, 1.5] {
-        let mut inputs = Inputs { base_accel: [ahead, 0.0, GRAVITY], ..Inputs::default() };
+        let mut inputs = Inputs { base_accel: [ahead, 0.0, GRAVITY], ..sitting() };
         inputs.contact[2] = [-10.0, 0.0, 70.0, 0.0, 0.0, 0.0];
         inputs.contact[3] = [-10.0, 0.0, 70.0, 0.0, 0.0, 0.0];
         let out = estimate(&mut human, &inputs);
         // what seat and foot rests feel, in the vehicle's axes (shanks hang straight in this posture)
         let feet = Vector3::new(-20.0, 0.0, 140.0);
-        let seat: Vector3<f64> = Vector3::new(out.seat_wrench[0], out.seat_wrench[1], out.seat_wrench[2]);
+        let seat: Vector3<f64> = Vector3::from_fn(|k, _| out.seat_wrench[k].value);
         let load: Vector3<f64> = -seat - feet;
         let expected = Vector3::new(ahead, 0.0, GRAVITY) * -65.0;
         assert!((load - expected).norm() < 5.0, "{load} {expected}");
@@ -49,8 +50,8 @@ fn the_person_loads_the_vehicle_with_weight_and_inertia() {
 #[test]
 fn centre_of_mass_feeds_the_vehicles() {
     let mut human = HumanDynamics::new(&Parameters::default()).unwrap();
-    let upright = estimate(&mut human, &Inputs::default());
-    let mut leaning = Inputs::default();
+    let upright = estimate(&mut human, &sitting());
+    let mut leaning = sitting();
     leaning.q[1] = 0.5; // lumbar_y
     let leaning = estimate(&mut human, &leaning);
     assert!(leaning.com[0] > upright.com[0] + 0.05 && leaning.com[2] < upright.com[2]);

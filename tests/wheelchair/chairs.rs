@@ -75,6 +75,7 @@ pub fn reference_noise(run: &serde_json::Value) -> Noise {
         gyro: std("sig_gyro"),
         accel: std("sig_acc"),
         slope_acceleration: std("sig_xidd"),
-        standstill: config["still_sig"][0].as_f64().unwrap(),
+        standstill_speed: config["still_sig"][0].as_f64().unwrap(),
+        standstill_rate: config["still_sig"][1].as_f64().unwrap(),
     }
 }

@@ -217,10 +217,10 @@ fn seated_torques_and_their_spread() {
             estimator.outputs(&inputs, 0.0, &mut outputs);
             for (joint, (name, ..)) in JOINTS.iter().enumerate() {
                 let truth = log.channel(&format!("true_tau_{name}")).unwrap()[row];
-                inside += usize::from((outputs.tau[joint] - truth).abs() <= 2.0 * outputs.tau_std[joint]);
+                inside += usize::from((outputs.tau[joint].value - truth).abs() <= 2.0 * outputs.tau[joint].std);
                 count += 1;
             }
-            let all = outputs.tau_std.iter().chain(&outputs.seat_wrench_std);
+            let all = outputs.tau.iter().chain(&outputs.seat_wrench).map(|estimate| estimate.std);
             std.iter_mut().zip(all).for_each(|(sum, s)| *sum += s / log.len() as f64);
         }
         let covered = inside as f64 / f64::from(count);

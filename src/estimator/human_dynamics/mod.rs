@@ -39,22 +39,28 @@ pub use parameters::{
 };
 pub use variables::{Inputs, Outputs};
 
-use crate::estimator::{Estimator, StateError};
+use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
+use crate::model::STANDARD_GRAVITY;
 use crate::model::multibody::anthropometry::seated12;
 use crate::model::multibody::equations::{Base, Kind};
 use crate::model::multibody::error::ModelError;
 use crate::model::multibody::tree::Tree;
+use crate::variable::Estimate;
 use crate::{ParameterError, Status};
 use derivatives::Derivatives;
 use serde::{Deserialize, Serialize};
 use variables::{DOF, GROUPS, JOINTS};
 use whole_body::{Posture, WholeBody};
 
+/// The estimator; see the [module](self).
+pub type HumanDynamics = Sampled<SeatedBody>;
+
 /// Everything that a step changes: the last estimates, and positions to differentiate.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
     outputs: Outputs,
-    started: bool,
+    /// Whether the last sample had a measurement of accelerations or wrenches.
+    measured: bool,
     derivatives: Derivatives,
 }
 
@@ -66,15 +72,14 @@ impl Clone for State {
     /// Into memory that is there already.
     fn clone_from(&mut self, other: &Self) {
         self.outputs.clone_from(&other.outputs);
-        self.started = other.started;
+        self.measured = other.measured;
         self.derivatives.clone_from(&other.derivatives);
     }
 }
 
-/// The estimator; see the [module](self).
+/// The seated body and its sensors, under the rules of [`Sampled`].
 #[derive(Clone, Debug)]
-pub struct HumanDynamics {
-    parameters: Parameters,
+pub struct SeatedBody {
     body: WholeBody,
     /// Group of each sensor of the body, none for "nothing touches this segment".
     groups: Vec<Option<usize>>,
@@ -85,15 +90,11 @@ pub struct HumanDynamics {
     q: [f64; DOF],
     qd: [f64; DOF],
     samples: Vec<f64>,
+    differentiate: bool,
     differentiator: derivatives::Differentiator,
-    mass: f64,
-    state: State,
 }
 
-/// Standard gravity, for the person's weight, m/s2.
-const GRAVITY: f64 = 9.80665;
-
-impl HumanDynamics {
+impl SeatedBody {
     /// The estimator of the whole body behind this one.
     pub fn body(&self) -> &WholeBody {
         &self.body
@@ -148,41 +149,36 @@ impl HumanDynamics {
     }
 
     /// Reads the estimates of the step just taken.
-    fn report(&mut self, measured: bool) {
-        let outputs = &mut self.state.outputs;
+    fn read(&self, outputs: &mut Outputs) {
         let (mean, variance) = (self.body.mean(), self.body.variance());
-        for (joint, &slot) in self.torque.iter().enumerate() {
-            outputs.tau[joint] = mean[slot];
-            outputs.tau_std[joint] = variance[slot].sqrt();
+        let estimate = |slot: usize| Estimate::new(mean[slot], variance[slot].sqrt());
+        for (tau, &slot) in outputs.tau.iter_mut().zip(&self.torque) {
+            *tau = estimate(slot);
         }
         if let Some(base) = self.body.equations().slots()[0] {
-            for (k, slot) in base.range(Kind::ParentWrench).enumerate() {
-                outputs.seat_wrench[k] = mean[slot];
-                outputs.seat_wrench_std[k] = variance[slot].sqrt();
+            for (wrench, slot) in outputs.seat_wrench.iter_mut().zip(base.range(Kind::ParentWrench)) {
+                *wrench = estimate(slot);
             }
         }
         let (com, velocity) = self.body.equations().centre_of_mass();
         outputs.com = com.into();
         outputs.com_velocity = velocity.into();
-        outputs.body_mass = self.mass;
         outputs.chi2 = [0.0; GROUPS.len()];
         for (sensor, group) in self.groups.iter().enumerate() {
             if let Some(group) = group {
                 outputs.chi2[*group] += self.body.sensor_chi2(sensor).0;
             }
         }
-        let innovations = self.body.innovations(|sensor| self.groups[sensor].is_some());
-        outputs.nis = innovations.nis;
-        outputs.nis_channels = innovations.rows as i32;
-        outputs.log_likelihood = self.body.log_likelihood();
-        let worst = outputs.seat_wrench_std[..3].iter().fold(0.0_f64, |worst, &std| worst.max(std));
-        let observable = worst < self.mass * GRAVITY;
-        outputs.status.raise_if(!observable, Status::UNOBSERVABLE);
-        outputs.healthy = measured && observable;
     }
 }
 
-impl Estimator for HumanDynamics {
+/// Whether the seat force is known to within the person's weight.
+fn is_observable(outputs: &Outputs) -> bool {
+    let worst = outputs.seat_wrench[..3].iter().fold(0.0_f64, |worst, force| worst.max(force.std));
+    worst < outputs.body_mass * STANDARD_GRAVITY
+}
+
+impl Machine for SeatedBody {
     const NAME: &'static str = "HumanDynamics";
     const DESCRIPTION: &'static str = "Joint torques, seat wrench and centre of mass of a seated person with their \
         standard deviations, by maximum a posteriori estimation over the whole body";
@@ -191,9 +187,7 @@ impl Estimator for HumanDynamics {
     type Outputs = Outputs;
     type State = State;
 
-    fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
-        use crate::Variables;
-        parameters.validate()?;
+    fn new(parameters: &Parameters) -> Result<(Self, State), ParameterError> {
         let window = parameters.differentiation.window;
         if window % 2 == 0 {
             let name = "differentiation.window";
@@ -214,12 +208,10 @@ impl Estimator for HumanDynamics {
             coordinate[joint] = body.equations().tree().coordinate(model_name).map_err(refused)?;
             torque[joint] = body.torque_slot(coordinate[joint]);
         }
-        let mass = body.equations().tree().mass();
-        let outputs = Outputs { body_mass: mass, ..Default::default() };
+        let outputs = Outputs { body_mass: body.equations().tree().mass(), ..Default::default() };
         let differentiator = derivatives::Differentiator::new(window as usize, parameters.sample_period);
         let derivatives = differentiator.empty(parameters.differentiate);
-        Ok(Self {
-            parameters: parameters.clone(),
+        let machine = Self {
             samples: vec![0.0; body.samples()],
             body,
             groups,
@@ -227,39 +219,36 @@ impl Estimator for HumanDynamics {
             torque,
             q: [0.0; DOF],
             qd: [0.0; DOF],
+            differentiate: parameters.differentiate,
             differentiator,
-            mass,
-            state: State { outputs, started: false, derivatives },
-        })
+        };
+        Ok((machine, State { outputs, measured: false, derivatives }))
     }
 
-    fn sample_period(&self) -> f64 {
-        self.parameters.sample_period
-    }
-
-    fn step(&mut self, inputs: &Inputs, dt: f64) -> Status {
-        if self.state.started && !(dt > 0.0 && dt.is_finite()) {
-            return Status::BAD_STEP | Status::SKIPPED;
+    fn rules(parameters: &Parameters) -> Rules {
+        Rules {
+            sample_period: parameters.sample_period,
+            // nothing here has dynamics
+            longest_gap: f64::INFINITY,
+            limits: Vec::new(),
+            unused: parameters.unused(),
         }
-        let dt = if self.state.started { dt } else { self.parameters.sample_period };
-        self.state.started = true;
+    }
+
+    fn sample(&mut self, state: &mut State, inputs: &Inputs, _: Status, elapsed: Elapsed) -> Outcome {
         let mut status = Status::OK;
         let (mut qd, mut qdd) = (inputs.qd, inputs.qdd);
         let mut ready = true;
-        if self.parameters.differentiate {
-            let taken = self.differentiator.push(&mut self.state.derivatives, &inputs.q, dt, &mut qd, &mut qdd);
+        if self.differentiate {
+            let dt = elapsed.seconds();
+            let taken = self.differentiator.push(&mut state.derivatives, &inputs.q, dt, &mut qd, &mut qdd);
             status |= taken.status;
             ready = taken.ready;
         }
+        let skipped = Outcome { status: status | Status::SKIPPED | Status::HOLD, ..Outcome::default() };
         let posture = [inputs.q.as_slice(), &qd, &inputs.base_gyro];
-        let values = || posture.iter().flat_map(|part| part.iter());
-        status.raise_if(values().any(|v| v.is_nan()), Status::MISSING);
-        status.raise_if(values().any(|v| v.is_infinite()), Status::INFINITE);
-        if !ready || values().any(|v| !v.is_finite()) {
-            status |= Status::SKIPPED | Status::HOLD;
-            self.state.outputs.status = status;
-            self.state.outputs.healthy = false;
-            return status;
+        if !ready || posture.iter().flat_map(|part| part.iter()).any(|value| !value.is_finite()) {
+            return skipped;
         }
         let mut model_qdd = [0.0; DOF];
         for (joint, &c) in self.coordinate.iter().enumerate() {
@@ -268,39 +257,31 @@ impl Estimator for HumanDynamics {
         let present = self.collect(inputs, &model_qdd);
         status.raise_if(present == 0, Status::NO_MEASUREMENT);
         let posture = Posture { q: &self.q, qd: &self.qd, base_rate: inputs.base_gyro };
-        match self.body.step(&posture, &self.samples, true) {
-            Ok(of_body) => {
-                self.state.outputs.status = status | of_body;
-                self.report(present > 0);
-            }
-            Err(_) => {
-                self.state.outputs.status = status | Status::SKIPPED | Status::HOLD;
-                self.state.outputs.healthy = false;
-            }
+        let Ok(of_body) = self.body.step(&posture, &self.samples, true) else { return skipped };
+        state.measured = present > 0;
+        self.read(&mut state.outputs);
+        status |= of_body;
+        status.raise_if(!is_observable(&state.outputs), Status::UNOBSERVABLE);
+        let innovations = self.body.innovations(|sensor| self.groups[sensor].is_some());
+        Outcome {
+            status,
+            nis: innovations.nis * innovations.rows as f64,
+            channels: innovations.rows,
+            log_likelihood: self.body.log_likelihood(),
+            used: present > 0,
         }
-        self.state.outputs.status
     }
 
-    fn outputs(&self, _inputs: &Inputs, _ahead: f64, outputs: &mut Outputs) {
-        // nothing has dynamics here: the estimates are held
-        outputs.clone_from(&self.state.outputs);
+    fn estimates(&self, state: &State, _: &Inputs, _: f64, outputs: &mut Outputs) {
+        outputs.clone_from(&state.outputs);
     }
 
-    fn state(&self) -> &State {
-        &self.state
+    fn usable(&self, state: &State, outputs: &Outputs) -> bool {
+        state.measured && is_observable(outputs)
     }
 
-    fn restore(&mut self, state: &State) -> Result<(), StateError> {
-        use crate::Variables;
-        if !self.differentiator.fits(&state.derivatives, self.parameters.differentiate) {
-            return Err(StateError("its differentiation window differs"));
-        }
-        let mut flat = [0.0; Outputs::COUNT];
-        state.outputs.write(&mut flat);
-        if !flat.iter().all(|value| value.is_finite()) {
-            return Err(StateError("it holds values that are not finite"));
-        }
-        self.state.clone_from(state);
-        Ok(())
+    fn check(&self, state: &State) -> Result<(), StateError> {
+        let fits = self.differentiator.fits(&state.derivatives, self.differentiate);
+        if fits { Ok(()) } else { Err(StateError("its differentiation window differs")) }
     }
 }

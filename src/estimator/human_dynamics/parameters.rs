@@ -1,6 +1,6 @@
 //! Parameters of the seated body.
 
-use super::variables::{CONTACTS, IMUS};
+use super::variables::{AXES, CONTACTS, IMUS, JOINTS};
 use crate::model::multibody::anthropometry::at;
 use crate::model::multibody::equations::Kind;
 use crate::model::multibody::prior::Variances;
@@ -40,13 +40,13 @@ crate::variables! {
     /// Variances of the equations of motion.
     pub struct EquationVariances {
         /// Variance of the accelerations between neighbours, in (m/s2)^2 and (rad/s2)^2.
-        acceleration: f64 = 1e-4, "1", [1e-12, 1e12];
+        acceleration: f64 = 1e-4, "1", [1e-12, 1e12], process_noise;
         /// Variance of Newton's and Euler's equations, in N^2 and (N.m)^2. Larger for a body that is known badly.
-        net_wrench: f64 = 1e-4, "1", [1e-12, 1e12];
+        net_wrench: f64 = 1e-4, "1", [1e-12, 1e12], process_noise;
         /// Variance of the sum of wrenches on a body, in N^2 and (N.m)^2.
-        wrench_balance: f64 = 1e-4, "1", [1e-12, 1e12];
-        /// Variance of the torques against the wrenches, in (N.m)^2.
-        torque: f64 = 1e-4, "1", [1e-12, 1e12];
+        wrench_balance: f64 = 1e-4, "1", [1e-12, 1e12], process_noise;
+        /// Variance of the torques against the wrenches.
+        torque: f64 = 1e-4, "N2.m2", [1e-12, 1e12], process_noise;
     }
 }
 
@@ -59,36 +59,36 @@ crate::variables! {
         prior: f64 = 1e4, "1", [1e-12, 1e14];
         /// Prior variance of the seat's force and moment, in N^2 and (N.m)^2.
         prior_seat: f64 = 1e6, "1", [1e-12, 1e14];
-        /// Prior variance of the force on a hand, in N^2.
-        prior_hand_force: f64 = 900.0, "1", [1e-12, 1e14];
-        /// Prior variance of the moment on a hand, in (N.m)^2.
-        prior_hand_moment: f64 = 100.0, "1", [1e-12, 1e14];
-        /// Prior variance of the force on a foot, in N^2.
-        prior_foot_force: f64 = 6400.0, "1", [1e-12, 1e14];
-        /// Prior variance of the moment on a foot, in (N.m)^2.
-        prior_foot_moment: f64 = 1600.0, "1", [1e-12, 1e14];
+        /// Prior variance of the force on a hand.
+        prior_hand_force: f64 = 900.0, "N2", [1e-12, 1e14];
+        /// Prior variance of the moment on a hand.
+        prior_hand_moment: f64 = 100.0, "N2.m2", [1e-12, 1e14];
+        /// Prior variance of the force on a foot.
+        prior_foot_force: f64 = 6400.0, "N2", [1e-12, 1e14];
+        /// Prior variance of the moment on a foot.
+        prior_foot_moment: f64 = 1600.0, "N2.m2", [1e-12, 1e14];
         /// Variance of the knowledge that nothing touches the other segments, in N^2 and (N.m)^2.
         no_contact: f64 = 1e-4, "1", [1e-12, 1e12];
-        /// Variance of a joint acceleration, in (rad/s2)^2.
-        joint_acceleration: f64 = 0.25, "1", [1e-12, 1e12];
-        /// Variance of the pelvis's accelerometer, in (m/s2)^2.
-        base_acceleration: f64 = 0.0025, "1", [1e-12, 1e12];
-        /// Variance of the pelvis's angular acceleration, in (rad/s2)^2.
-        base_angular_acceleration: f64 = 0.09, "1", [1e-12, 1e12];
-        /// Variance of the accelerometers on the body, in (m/s2)^2.
-        imu_acceleration: f64 = 9e-4, "1", [1e-12, 1e12];
-        /// Variance of the seat's force, in N^2.
-        seat_force: f64 = 4.0, "1", [1e-12, 1e12];
-        /// Variance of the seat's moment, in (N.m)^2.
-        seat_moment: f64 = 0.09, "1", [1e-12, 1e12];
-        /// Variance of a hand's force, in N^2.
-        hand_force: f64 = 0.25, "1", [1e-12, 1e12];
-        /// Variance of a hand's moment, in (N.m)^2.
-        hand_moment: f64 = 0.0025, "1", [1e-12, 1e12];
-        /// Variance of a foot's force, in N^2.
-        foot_force: f64 = 4.0, "1", [1e-12, 1e12];
-        /// Variance of a foot's moment, in (N.m)^2.
-        foot_moment: f64 = 0.09, "1", [1e-12, 1e12];
+        /// Variance of a joint acceleration.
+        joint_acceleration: f64 = 0.25, "rad2/s4", [1e-12, 1e12], measurement_noise;
+        /// Variance of the pelvis's accelerometer.
+        base_acceleration: f64 = 0.0025, "m2/s4", [1e-12, 1e12], measurement_noise;
+        /// Variance of the pelvis's angular acceleration.
+        base_angular_acceleration: f64 = 0.09, "rad2/s4", [1e-12, 1e12], measurement_noise;
+        /// Variance of the accelerometers on the body.
+        imu_acceleration: f64 = 9e-4, "m2/s4", [1e-12, 1e12], measurement_noise;
+        /// Variance of the seat's force.
+        seat_force: f64 = 4.0, "N2", [1e-12, 1e12], measurement_noise;
+        /// Variance of the seat's moment.
+        seat_moment: f64 = 0.09, "N2.m2", [1e-12, 1e12], measurement_noise;
+        /// Variance of a hand's force.
+        hand_force: f64 = 0.25, "N2", [1e-12, 1e12], measurement_noise;
+        /// Variance of a hand's moment.
+        hand_moment: f64 = 0.0025, "N2.m2", [1e-12, 1e12], measurement_noise;
+        /// Variance of a foot's force.
+        foot_force: f64 = 4.0, "N2", [1e-12, 1e12], measurement_noise;
+        /// Variance of a foot's moment.
+        foot_moment: f64 = 0.09, "N2.m2", [1e-12, 1e12], measurement_noise;
     }
 }
 
@@ -173,6 +173,27 @@ crate::variables! {
 }
 
 impl Parameters {
+    /// The inputs that no sensor which is switched on reads.
+    pub(super) fn unused(&self) -> Vec<String> {
+        let used = &self.r#use;
+        let joints = |stem: &str| JOINTS.map(|(name, ..)| format!("{stem}_{name}"));
+        let axes = |stem: &str| AXES.map(|axis| format!("{stem}_{axis}"));
+        let wrench = |stem: &str| [axes(&format!("{stem}_force")), axes(&format!("{stem}_moment"))].concat();
+        let mut unused = Vec::new();
+        let mut without = |on: bool, inputs: Vec<String>| unused.extend(inputs.into_iter().filter(|_| !on));
+        without(!self.differentiate, joints("qd").to_vec());
+        without(used.joint_acceleration && !self.differentiate, joints("qdd").to_vec());
+        without(used.base_acceleration, [axes("base_accel"), axes("base_angular_accel")].concat());
+        without(used.seat_wrench, wrench("seat"));
+        for (name, _) in IMUS {
+            without(used.imu, axes(&format!("imu_{name}_accel")).to_vec());
+        }
+        for (k, (name, _)) in CONTACTS.into_iter().enumerate() {
+            without(if k < 2 { used.hand_wrench } else { used.foot_wrench }, wrench(name));
+        }
+        unused
+    }
+
     /// The sensors that are switched on, each with its group (see
     /// [`GROUPS`](super::variables::GROUPS)); the knowledge that nothing touches a segment has none.
     /// Joint accelerations come one by one.

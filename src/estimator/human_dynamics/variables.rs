@@ -1,8 +1,9 @@
 //! Inputs and outputs of the seated body. The lists are long and regular, so their declarations
 //! are written by loops over joints, sensors and axes.
 
-use crate::Status;
-use crate::variable::{Kind, Value, Variable, Variables};
+use crate::estimator::Diagnostics;
+use crate::variable::{Estimate, Field, Kind, Variable, Variables};
+use serde::{Deserialize, Serialize};
 
 /// Degrees of freedom of the seated body.
 pub const DOF: usize = 19;
@@ -58,7 +59,8 @@ pub const CONTACTS: [(&str, &str); 4] = [
 pub const GROUPS: [&str; 6] =
     ["joint_acceleration", "base_acceleration", "seat_wrench", "imu", "hand_wrench", "foot_wrench"];
 
-const AXES: [&str; 3] = ["x", "y", "z"];
+/// The axes of a vector.
+pub const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// What is measured; frames as in the [module](super)'s page.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,16 +87,17 @@ pub struct Inputs {
 
 impl Default for Inputs {
     fn default() -> Self {
+        const NEVER_SET: f64 = f64::NAN;
         Self {
-            q: [0.0; DOF],
-            qd: [0.0; DOF],
-            qdd: [0.0; DOF],
-            base_gyro: ZERO,
-            base_accel: UP,
-            base_angular_accel: ZERO,
-            seat: [0.0; 6],
-            imu: [UP; 4],
-            contact: [[0.0; 6]; 4],
+            q: [NEVER_SET; DOF],
+            qd: [NEVER_SET; DOF],
+            qdd: [NEVER_SET; DOF],
+            base_gyro: [NEVER_SET; 3],
+            base_accel: [NEVER_SET; 3],
+            base_angular_accel: [NEVER_SET; 3],
+            seat: [NEVER_SET; 6],
+            imu: [[NEVER_SET; 3]; 4],
+            contact: [[NEVER_SET; 6]; 4],
         }
     }
 }
@@ -103,72 +106,70 @@ impl Default for Inputs {
 struct List<'a> {
     prefix: &'a str,
     list: &'a mut Vec<Variable>,
-    measured: bool,
 }
 
 impl List<'_> {
-    fn push(&mut self, name: &str, about: &str, unit: &'static str, start: f64, range: (f64, f64)) {
+    /// A measured input.
+    fn measured(&mut self, name: &str, about: &str, unit: &'static str, limit: f64) {
         let name = format!("{}{name}", self.prefix);
-        let measured = self.measured;
-        self.list.push(Variable { start, measured, ..Variable::new(name, about, unit, Kind::Real, range) });
+        let variable = Variable::new(name, about, unit, Kind::Real, (-limit, limit));
+        self.list.push(Variable { start: f64::NAN, measured: true, ..variable });
     }
 
-    fn push_of_kind<V: Value>(&mut self, name: &str, about: &str, start: V) {
-        self.push(name, about, "1", start.to_number(), V::RANGE);
-        if let Some(last) = self.list.last_mut() {
-            last.kind = V::KIND;
-        }
+    /// An estimate with its standard deviation, or a number without one.
+    fn output(&mut self, name: &str, about: &str, unit: &'static str, start: impl Field) {
+        let variable = Variable::new(format!("{}{name}", self.prefix), about, unit, Kind::Real, ANY);
+        start.declare_into(variable, self.list);
     }
 
-    /// Three axes of one vector.
-    fn vector(&mut self, stem: &str, about: &str, unit: &'static str, start: [f64; 3], range: (f64, f64)) {
-        for (axis, start) in AXES.iter().zip(start) {
-            self.push(&format!("{stem}_{axis}"), &about.replace("{}", axis), unit, start, range);
+    /// Three measured axes of one vector.
+    fn vector(&mut self, stem: &str, about: &str, unit: &'static str, limit: f64) {
+        for axis in AXES {
+            self.measured(&format!("{stem}_{axis}"), &about.replace("{}", axis), unit, limit);
         }
     }
 
     /// A measured force and moment.
     fn wrench(&mut self, stem: &str, about: &str) {
         let force = format!("Force {about} along the {{}} axis. NaN = no sample.");
-        self.vector(&format!("{stem}_force"), &force, "N", ZERO, (-1e6, 1e6));
+        self.vector(&format!("{stem}_force"), &force, "N", 1e6);
         let moment = format!("Moment {about} about the {{}} axis. NaN = no sample.");
-        self.vector(&format!("{stem}_moment"), &moment, "N.m", ZERO, (-1e6, 1e6));
+        self.vector(&format!("{stem}_moment"), &moment, "N.m", 1e6);
     }
 }
 
-const UP: [f64; 3] = [0.0, 0.0, 9.80665];
-const ZERO: [f64; 3] = [0.0; 3];
+const ANY: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 
 impl Variables for Inputs {
     const COUNT: usize = 3 * DOF + 9 + 6 + 12 + 24;
 
     fn declare_into(prefix: &str, list: &mut Vec<Variable>) {
-        let mut list = List { prefix, list, measured: true };
+        let mut list = List { prefix, list };
         let skip = "NaN = the whole sample is skipped.";
         let missing = "NaN = no sample.";
         for (name, _, about) in JOINTS {
             let about = format!("Position of the {about}. {skip}");
-            list.push(&format!("q_{name}"), &about, "rad", 0.0, (-100.0, 100.0));
+            list.measured(&format!("q_{name}"), &about, "rad", 100.0);
         }
         for (name, _, about) in JOINTS {
             let about = format!("Velocity of the {about}. Ignored with differentiate. {skip}");
-            list.push(&format!("qd_{name}"), &about, "rad/s", 0.0, (-1e4, 1e4));
+            list.measured(&format!("qd_{name}"), &about, "rad/s", 1e4);
         }
         for (name, _, about) in JOINTS {
             let about = format!("Acceleration of the {about}. Ignored with differentiate. {missing}");
-            list.push(&format!("qdd_{name}"), &about, "rad/s2", 0.0, (-1e6, 1e6));
+            list.measured(&format!("qdd_{name}"), &about, "rad/s2", 1e6);
         }
         let about = format!("Angular velocity of the pelvis about its {{}} axis. {skip}");
-        list.vector("base_gyro", &about, "rad/s", ZERO, (-1e4, 1e4));
+        list.vector("base_gyro", &about, "rad/s", 1e4);
         let about =
             format!("Specific force at the pelvis origin along the pelvis's {{}} axis; +g along z at rest. {missing}");
-        list.vector("base_accel", &about, "m/s2", UP, (-1e5, 1e5));
+        list.vector("base_accel", &about, "m/s2", 1e5);
         let about = format!("Angular acceleration of the pelvis about its {{}} axis. {missing}");
-        list.vector("base_angular_accel", &about, "rad/s2", ZERO, (-1e6, 1e6));
+        list.vector("base_angular_accel", &about, "rad/s2", 1e6);
         list.wrench("seat", "of the seat on the person at mount.seat in pelvis axes,");
         for (name, link) in IMUS {
             let about = format!("Specific force at mount.imu_{name} along the {{}} axis of the {link}. {missing}");
-            list.vector(&format!("imu_{name}_accel"), &about, "m/s2", UP, (-1e5, 1e5));
+            list.vector(&format!("imu_{name}_accel"), &about, "m/s2", 1e5);
         }
         for (name, link) in CONTACTS {
             let about = format!("of the surroundings on the person at mount.{name} in {link} axes,");
@@ -227,16 +228,12 @@ fn take(flat: &[f64], groups: &mut [&mut [f64]]) {
 }
 
 /// What is estimated; frames as in the [module](super)'s page.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Outputs {
     /// Joint torques, N.m.
-    pub tau: [f64; DOF],
-    /// Their standard deviations.
-    pub tau_std: [f64; DOF],
+    pub tau: [Estimate; DOF],
     /// Force and moment of the seat on the person at the pelvis origin, pelvis axes, N and N.m.
-    pub seat_wrench: [f64; 6],
-    /// Their standard deviations.
-    pub seat_wrench_std: [f64; 6],
+    pub seat_wrench: [Estimate; 6],
     /// Centre of mass in the pelvis frame, m.
     pub com: [f64; 3],
     /// Velocity of the centre of mass relative to the pelvis origin, m/s.
@@ -245,110 +242,81 @@ pub struct Outputs {
     pub body_mass: f64,
     /// Sum of squared residuals over their variances, per group of sensors.
     pub chi2: [f64; 6],
-    /// Normalised innovation squared per channel.
-    pub nis: f64,
-    /// Channels that `nis` is the mean of.
-    pub nis_channels: i32,
-    /// Logarithm of the joint likelihood of equations and readings.
-    pub log_likelihood: f64,
-    /// Conditions of the last sample.
-    pub status: Status,
-    /// Whether the torques and the seat wrench are usable.
-    pub healthy: bool,
+    /// What every estimator says.
+    pub diagnostics: Diagnostics,
 }
 
+impl AsMut<Diagnostics> for Outputs {
+    fn as_mut(&mut self) -> &mut Diagnostics {
+        &mut self.diagnostics
+    }
+}
+
+/// Numbers in [`Outputs`] before the diagnostics.
+const ESTIMATES: usize = 2 * DOF + 12 + 6 + 1 + 6;
+
 impl Variables for Outputs {
-    const COUNT: usize = 2 * DOF + 12 + 6 + 1 + 6 + 3 + 2;
+    const COUNT: usize = ESTIMATES + Diagnostics::COUNT;
 
     fn declare_into(prefix: &str, list: &mut Vec<Variable>) {
-        let mut list = List { prefix, list, measured: false };
-        let any = (f64::NEG_INFINITY, f64::INFINITY);
-        let positive = (0.0, f64::INFINITY);
+        let mut outputs = List { prefix, list };
         for (name, _, about) in JOINTS {
             let about = format!("Torque of the muscles on the {about}.");
-            list.push(&format!("tau_{name}"), &about, "N.m", 0.0, any);
+            outputs.output(&format!("tau_{name}"), &about, "N.m", Estimate::NONE);
         }
-        for (name, ..) in JOINTS {
-            let about = format!("Standard deviation of tau_{name}.");
-            list.push(&format!("tau_{name}_std"), &about, "N.m", 0.0, positive);
-        }
-        let about = "at the pelvis origin in pelvis axes; its opposite loads the vehicle.";
-        let force = format!("Force of the seat on the person along the {{}} axis, {about}");
-        list.vector("seat_wrench_force", &force, "N", ZERO, any);
-        let moment = format!("Moment of the seat on the person about the {{}} axis, {about}");
-        list.vector("seat_wrench_moment", &moment, "N.m", ZERO, any);
-        for (part, unit) in [("force", "N"), ("moment", "N.m")] {
+        let at = "at the pelvis origin in pelvis axes; its opposite loads the vehicle.";
+        for (part, what, unit) in [
+            ("force", "Force of the seat on the person along", "N"),
+            ("moment", "Moment of the seat on the person about", "N.m"),
+        ] {
             for axis in AXES {
-                let name = format!("seat_wrench_{part}_{axis}");
-                list.push(&format!("{name}_std"), &format!("Standard deviation of {name}."), unit, 0.0, positive);
+                let about = format!("{what} the {axis} axis, {at}");
+                outputs.output(&format!("seat_wrench_{part}_{axis}"), &about, unit, Estimate::NONE);
             }
         }
-        let about =
-            "Centre of mass of the person in the pelvis frame along the {} axis, from posture, height and mass.";
-        list.vector("com", about, "m", ZERO, any);
-        let about = "Velocity of the centre of mass relative to the pelvis origin along the pelvis's {} axis.";
-        list.vector("com_velocity", about, "m/s", ZERO, any);
-        list.push("body_mass", "Mass of the person, from the parameters.", "kg", 0.0, positive);
+        for axis in AXES {
+            let about = format!(
+                "Centre of mass of the person in the pelvis frame along the {axis} axis, from posture, height and mass."
+            );
+            outputs.output(&format!("com_{axis}"), &about, "m", 0.0);
+        }
+        for axis in AXES {
+            let about =
+                format!("Velocity of the centre of mass relative to the pelvis origin along the pelvis's {axis} axis.");
+            outputs.output(&format!("com_velocity_{axis}"), &about, "m/s", 0.0);
+        }
+        outputs.output("body_mass", "Mass of the person, from the parameters.", "kg", 0.0);
         for group in GROUPS {
             let about = format!(
                 "Sum of squared residuals over their variances of the sensors of use.{group}; 0 if none has a sample."
             );
-            list.push(&format!("chi2_{group}"), &about, "1", 0.0, positive);
+            outputs.output(&format!("chi2_{group}"), &about, "1", 0.0);
         }
-        let about = "Normalised innovation squared per channel over the channels that the others predict; near 1 if \
-            model and noise fit, 0 if no channel is predicted by the others.";
-        list.push("nis", about, "1", 0.0, positive);
-        let about = "Number of channels in nis: those whose reading the other sensors predict.";
-        list.push_of_kind("nis_channels", about, 0_i32);
-        let about =
-            "Logarithm of the joint likelihood of the equations and of the last readings under noise and prior.";
-        list.push("log_likelihood", about, "1", 0.0, any);
-        let about = "Conditions of the last sample as bits. Unobservable: the seat force is not known to within \
-            the person's weight.";
-        list.push_of_kind("status", about, Status::OK);
-        list.push_of_kind("healthy", "Whether joint torques and seat wrench are usable now.", false);
+        Diagnostics::declare_into(prefix, list);
     }
 
     fn write(&self, flat: &mut [f64]) {
-        let groups: [&[f64]; 10] = [
-            &self.tau,
-            &self.tau_std,
-            &self.seat_wrench,
-            &self.seat_wrench_std,
-            &self.com,
-            &self.com_velocity,
-            &[self.body_mass],
-            &self.chi2,
-            &[self.nis, self.nis_channels.to_number(), self.log_likelihood],
-            &[self.status.to_number(), self.healthy.to_number()],
-        ];
-        put(flat, &groups);
+        let estimates = self.tau.iter().chain(&self.seat_wrench).flat_map(|e| [e.value, e.std]);
+        let plain = self.com.iter().chain(&self.com_velocity).chain([&self.body_mass]).chain(&self.chi2).copied();
+        for (slot, value) in flat.iter_mut().zip(estimates.chain(plain)) {
+            *slot = value;
+        }
+        self.diagnostics.write(&mut flat[ESTIMATES..]);
     }
 
     fn read(&mut self, flat: &[f64]) {
-        let mut innovations = [0.0; 3];
-        let mut last = [0.0; 2];
-        let mut mass = [0.0];
-        let mut groups: [&mut [f64]; 10] = [
-            &mut self.tau,
-            &mut self.tau_std,
-            &mut self.seat_wrench,
-            &mut self.seat_wrench_std,
-            &mut self.com,
-            &mut self.com_velocity,
-            &mut mass,
-            &mut self.chi2,
-            &mut innovations,
-            &mut last,
-        ];
-        take(flat, &mut groups);
-        self.body_mass = mass[0];
-        self.nis = innovations[0];
-        self.nis_channels = i32::from_number(innovations[1]);
-        self.log_likelihood = innovations[2];
-        self.status = Status::from_number(last[0]);
-        self.healthy = bool::from_number(last[1]);
+        let mut values = flat.iter().copied();
+        let mut next = || values.next().unwrap_or_default();
+        for estimate in self.tau.iter_mut().chain(&mut self.seat_wrench) {
+            *estimate = Estimate::new(next(), next());
+        }
+        let plain = self.com.iter_mut().chain(&mut self.com_velocity).chain([&mut self.body_mass]);
+        for value in plain.chain(&mut self.chi2) {
+            *value = next();
+        }
+        self.diagnostics.read(&flat[ESTIMATES..]);
     }
+
     fn map(&mut self, f: &mut impl FnMut(f64) -> f64) {
         let mut flat = [0.0; Self::COUNT];
         self.write(&mut flat);

@@ -37,8 +37,10 @@ pub struct Noise {
     pub accel: f64,
     /// Second derivative of the slope as the accelerometer's lever feels it, rad/s^2.
     pub slope_acceleration: f64,
-    /// Pseudo-measurements of a chair at standstill, m/s and rad/s.
-    pub standstill: f64,
+    /// Speed of a chair at standstill, a pseudo-measurement, m/s.
+    pub standstill_speed: f64,
+    /// Yaw rate and tilt rates of a chair at standstill, pseudo-measurements, rad/s.
+    pub standstill_rate: f64,
 }
 
 /// Limits of steps and of the influence of outliers.
@@ -70,7 +72,7 @@ pub struct ChairEkf<F> {
 /// How a state of `N` numbers moves and is measured; the first `K` of them move by themselves, the others
 /// only by noise, and `P` of them are zero at standstill.
 pub trait Form<const N: usize, const K: usize, const P: usize> {
-    /// The states that are zero at standstill.
+    /// The states that are zero at standstill: the speed, then rates.
     const AT_REST: [usize; P];
     /// Distance and heading.
     const POSE: [usize; 2];
@@ -223,9 +225,10 @@ impl<F> ChairEkf<F> {
         let mut at_rest = Rows {
             innovation: SVector::<f64, P>::zeros(),
             jacobian: SMatrix::<f64, P, N>::zeros(),
-            noise: SMatrix::<f64, P, P>::identity() * (self.noise.standstill * self.noise.standstill),
+            noise: SMatrix::<f64, P, P>::identity() * (self.noise.standstill_rate * self.noise.standstill_rate),
             used: [true; P],
         };
+        at_rest.noise[(0, 0)] = self.noise.standstill_speed * self.noise.standstill_speed;
         for (row, state) in F::AT_REST.into_iter().enumerate() {
             at_rest.innovation[row] = -belief.mean[state];
             at_rest.jacobian[(row, state)] = 1.0;

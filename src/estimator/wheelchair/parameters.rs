@@ -112,8 +112,10 @@ crate::variables! {
         accel: f64 = 0.05, "m/s2", [1e-9, 100.0], tunable, measurement_noise;
         /// Standard deviation of the slope's second derivative, which the accelerometer feels through its lever.
         slope_acceleration: f64 = 1.0, "rad/s2", [0.0, 1e3], tunable, measurement_noise;
-        /// Standard deviation with which a chair at standstill is known to stand still; m/s and rad/s.
-        standstill: f64 = 2e-3, "1", [1e-9, 1.0], tunable, measurement_noise;
+        /// Standard deviation of the speed of a chair that stands still.
+        standstill_speed: f64 = 2e-3, "m/s", [1e-9, 1.0], tunable, measurement_noise;
+        /// Standard deviation of the yaw rate and the tilt rates of a chair that stands still.
+        standstill_rate: f64 = 2e-3, "rad/s", [1e-9, 1.0], tunable, measurement_noise;
     }
 }
 
@@ -240,7 +242,8 @@ impl Parameters {
             gyro: measured.gyro,
             accel: measured.accel,
             slope_acceleration: measured.slope_acceleration,
-            standstill: measured.standstill,
+            standstill_speed: measured.standstill_speed,
+            standstill_rate: measured.standstill_rate,
         }
     }
 

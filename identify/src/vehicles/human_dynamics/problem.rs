@@ -81,7 +81,8 @@ fn torques(log: &Log, known: &Known, progress: &Progress) -> Result<(Series, Ser
     }
     let channels: Vec<Option<&[f64]>> = inputs.iter().map(|input| log.channel(&input.name)).collect();
     let mut estimator = HumanDynamics::new(&parameters)?;
-    let mut sample = Inputs::default();
+    // without a gyroscope the seat is taken not to turn
+    let mut sample = Inputs { base_gyro: [0.0; 3], ..Inputs::default() };
     let mut flat = sample.to_vec();
     let mut outputs = Outputs::default();
     let empty = || vec![Vec::with_capacity(log.len()); JOINTS.len()];
@@ -100,8 +101,8 @@ fn torques(log: &Log, known: &Known, progress: &Progress) -> Result<(Series, Ser
         estimator.outputs(&sample, 0.0, &mut outputs);
         let known = !status.contains(Status::SKIPPED);
         for joint in 0..JOINTS.len() {
-            tau[joint].push(if known { outputs.tau[joint] } else { f64::NAN });
-            std[joint].push(if known { outputs.tau_std[joint] } else { f64::NAN });
+            tau[joint].push(if known { outputs.tau[joint].value } else { f64::NAN });
+            std[joint].push(if known { outputs.tau[joint].std } else { f64::NAN });
         }
     }
     Ok((tau, std))
