@@ -105,10 +105,10 @@ impl<'a> Source<'a> {
     }
 
     /// The text from byte `skip` of the sample on, in lines that end in a line feed.
-    pub fn lines(&mut self, skip: usize, ends: Ends) -> impl Read + use<'a> {
+    pub fn lines(&mut self, skip: usize, ends: Ends) -> Box<dyn Read + 'a> {
         let start = Cursor::new(self.sample[skip.min(self.sample.len())..].to_vec());
         let rest = std::mem::replace(&mut self.text, Box::new(io::empty()));
-        Lines { from: start.chain(rest), ends, ended: true }
+        Box::new(Lines { from: start.chain(rest), ends, ended: true })
     }
 
     /// Bytes of the file that were read so far.
