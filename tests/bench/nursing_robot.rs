@@ -44,7 +44,7 @@ fn parameters(imu: bool) -> Parameters {
 #[divan::bench(sample_count = 1000, sample_size = 1000)]
 fn mass_step(bencher: Bencher) {
     let p = parameters(false);
-    let (estimator, inputs) = (MassEstimator::new(&p, &p.robot(), &p.human()), inputs());
+    let (estimator, inputs) = (MassEstimator::new(&p), inputs());
     let mut state = estimator.start();
     let mut row = 0;
     bencher.bench_local(|| {
@@ -58,7 +58,7 @@ fn mass_step(bencher: Bencher) {
 
 fn sway_step(bencher: Bencher, imu: bool) {
     let p = parameters(imu);
-    let estimator = SwayEstimator::new(&p, &p.robot(), &p.human()).expect("a swaying person");
+    let estimator = SwayEstimator::new(&p).expect("a swaying person");
     let inputs = inputs();
     let mut state = estimator.start();
     let mut row = 0;

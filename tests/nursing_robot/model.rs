@@ -5,53 +5,31 @@ use crate::support::{assert_close, vector_table};
 use nalgebra::Vector4;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use wheelstate::model::nursing_robot::{Human, Lagrange, Lean, Planar, Position, Robot};
+use wheelstate::model::nursing_robot::{Human, Lagrange, Lean, Planar, Position, Robot, Rolling};
 use wheelstate::plant::nursing_robot::{Chassis, Command, Motion, NursingRobotPlant, Person, STEP};
 
 fn lagrange() -> Lagrange {
-    let robot = Robot {
-        mass: 160.0,
-        track: 0.7,
-        wheel_radius: 0.0825,
-        wheel_inertia: 0.0004,
-        rotating_mass: 0.0,
-        yaw_inertia: 20.0,
-        drive_efficiency: 1.0,
-        rolling_coefficient: 0.015,
-        smoothing_speed: 0.02,
-    };
-    let human = Human {
-        mass: 70.0,
-        swaying_fraction: 0.678,
-        com_height: 0.3065,
-        gyration_radius: 0.2428,
-        stiffness_pitch: 400.0,
-        damping_pitch: 25.0,
-        rest_pitch: 0.0,
-        stiffness_roll: 500.0,
-        damping_roll: 30.0,
-        rest_roll: 0.0,
-    };
-    Lagrange { robot, human }
+    let (robot, rolling, human) = (Robot::default(), Rolling::default(), Human::default());
+    Lagrange { robot, yaw_inertia: 20.0, rolling, human, mass: human.nominal_mass }
 }
 
 fn plant() -> NursingRobotPlant {
-    let Lagrange { robot, human } = lagrange();
+    let Lagrange { robot, yaw_inertia, rolling, human, mass } = lagrange();
     let chassis = Chassis {
         mass: robot.mass,
         track: robot.track,
         wheel_radius: robot.wheel_radius,
         wheel_inertia: robot.wheel_inertia,
         rotating_mass: 0.0,
-        yaw_inertia: robot.yaw_inertia,
+        yaw_inertia,
         efficiency: 1.0,
-        rolling: robot.rolling_coefficient,
-        smoothing_speed: robot.smoothing_speed,
+        rolling: rolling.coefficient,
+        smoothing_speed: rolling.smoothing_speed,
         torque_limit: 21.0,
         motor_lag: 0.0,
     };
     let person = Person {
-        mass: human.mass,
+        mass,
         swaying: human.swaying_fraction,
         height: human.com_height,
         gyration: human.gyration_radius,
@@ -110,7 +88,7 @@ fn accelerations_and_energy_match_the_reference() {
 fn the_model_equals_the_plant_that_is_derived_another_way() {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let (model, mut plant) = (lagrange(), plant());
-    let planar = Planar::new(&model.robot, &model.human);
+    let planar = Planar::new(&model.robot, &model.rolling, &model.human, model.mass);
     for _ in 0..200 {
         plant.motion = random_motion(&mut rng);
         let mut draw = |limit: f64| rng.random_range(-limit..limit);

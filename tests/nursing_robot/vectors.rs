@@ -9,7 +9,7 @@ use wheelstate::estimator::nursing_robot::{Inputs, Law, NursingRobot, Outputs, P
 const DT: f64 = 0.01;
 
 fn drive_force(p: &Parameters, log: &Table, row: usize) -> f64 {
-    p.robot().drive_force(log.at(row, "tau_l"), log.at(row, "tau_r"))
+    p.robot.drive_force(log.at(row, "tau_l"), log.at(row, "tau_r"))
 }
 
 /// M1: estimate, covariance, forgetting, error, regressor and status of every sample.
@@ -18,7 +18,7 @@ fn mass_follows(name: &str, law: Law, compensate: bool) {
     let expected = vector_table(&format!("nursing_robot/{name}.csv"));
     let mut p = Parameters::default();
     (p.mass.law, p.mass.compensate_sway) = (law, compensate);
-    let estimator = MassEstimator::new(&p, &p.robot(), &p.human());
+    let estimator = MassEstimator::new(&p);
     let mut state = estimator.start();
     for row in 0..log.rows.len() {
         let sample =
@@ -65,7 +65,7 @@ fn sway_follows(name: &str, change: impl Fn(&mut Parameters)) {
     let expected = vector_table(&format!("nursing_robot/{name}.csv"));
     let mut p = Parameters::default();
     change(&mut p);
-    let estimator = SwayEstimator::new(&p, &p.robot(), &p.human()).expect("a swaying body");
+    let estimator = SwayEstimator::new(&p).expect("a swaying body");
     let mut state = estimator.start();
     for row in 0..log.rows.len() {
         let force = drive_force(&p, &log, row);

@@ -17,8 +17,10 @@ use super::Parameters;
 use super::parameters::{Law, LoadChange};
 use crate::filter::bounded;
 use crate::filter::critically_damped::{CriticallyDamped, Transition};
+use crate::filter::discretise::runge_kutta;
 use crate::filter::rls::{Config, Forgetting, Rls, Verdict};
-use crate::model::nursing_robot::{GRAVITY, Human, Robot};
+use crate::model::nursing_robot::{Aero, GRAVITY, SmallSway};
+use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
 /// What happened in the last step; the numbers are the output `mass_status`.
@@ -61,11 +63,10 @@ pub struct MassEstimator {
     rotating_mass: f64,
     rolling: f64,
     inverse_smoothing: f64,
-    drag: f64,
+    aero: Aero,
     use_accelerometer: bool,
-    compensate: bool,
-    /// `(k - b g) / J`, `c / J`, `kappa`, `mu h`.
-    sway: [f64; 4],
+    /// The sway that is compensated, if any.
+    sway: Option<SmallSway>,
     cutoff: f64,
     minimum_speed: f64,
     minimum_acceleration: f64,
@@ -110,7 +111,7 @@ const BOUND_MARGIN: f64 = 0.05;
 
 impl MassEstimator {
     /// From checked parameters.
-    pub fn new(p: &Parameters, robot: &Robot, human: &Human) -> Self {
+    pub fn new(p: &Parameters) -> Self {
         let m = &p.mass;
         let per_newton = 1.0 / p.robot.mass;
         let (fast, slow, low) = (m.forgetting_fast, m.forgetting_slow, m.error_low * p.robot.mass);
@@ -125,9 +126,6 @@ impl MassEstimator {
             Law::Threshold => Forgetting::Threshold { fast, slow, low, high: m.error_high * p.robot.mass },
             Law::Exponential => Forgetting::Exponential { fast, slow, low, rate: m.error_rate * per_newton },
         };
-        let j = human.hip_inertia();
-        let sways = j > 0.0;
-        let per_j = if sways { 1.0 / j } else { 0.0 };
         Self {
             rls: Config {
                 forgetting,
@@ -140,18 +138,12 @@ impl MassEstimator {
                 expected_residual: low,
             },
             mass: p.robot.mass,
-            rotating_mass: robot.rotating_mass(),
+            rotating_mass: p.robot.rotating_mass(),
             rolling: p.rolling.coefficient * GRAVITY,
             inverse_smoothing: 1.0 / p.rolling.smoothing_speed,
-            drag: 0.5 * p.aero.air_density * p.aero.drag_area,
+            aero: p.aero,
             use_accelerometer: m.use_accelerometer,
-            compensate: m.compensate_sway && sways,
-            sway: [
-                (human.stiffness_pitch - human.first_moment() * GRAVITY) * per_j,
-                human.damping_pitch * per_j,
-                human.coupling(),
-                human.swaying_fraction * human.com_height,
-            ],
+            sway: SmallSway::new(&p.human, p.human.nominal_mass).filter(|_| m.compensate_sway),
             cutoff: m.cutoff,
             minimum_speed: m.minimum_speed,
             minimum_acceleration: m.minimum_acceleration,
@@ -199,8 +191,7 @@ impl MassEstimator {
         let specific = if self.use_accelerometer { sample.specific_force } else { 0.0 };
         let good = sample.drive_force.is_finite() && sample.speed.is_finite() && specific.is_finite();
         if good {
-            let drag = self.drag * sample.speed * sample.speed.abs();
-            state.held = [sample.speed, sample.drive_force - drag, specific];
+            state.held = [sample.speed, sample.drive_force - self.aero.drag(sample.speed), specific];
         }
         if dt > self.longest_step {
             state.seeded = state.seeded || good;
@@ -250,7 +241,7 @@ impl MassEstimator {
     fn update(&self, state: &mut MassState, dt: f64) -> MassStatus {
         let total = self.mass + state.rls.estimate;
         let resistance = total * self.rolling * state.sign.value;
-        let sway = if self.compensate { state.rls.estimate * self.sway_share(state) } else { 0.0 };
+        let sway = self.sway.map_or(0.0, |sway| state.rls.estimate * self.reaction(&sway, state));
         let disturbances = [-resistance, state.force.value, sway];
         let verdict = state.rls.update(&self.rls, state.regressor, state.measurement, &disturbances, dt);
         if verdict == Verdict::Rejected {
@@ -300,9 +291,12 @@ impl MassEstimator {
         state.measurement =
             state.force.value - self.mass * (acceleration + rolling) - self.rotating_mass * state.speed.rate;
         state.regressor = acceleration + rolling;
-        if self.compensate {
-            self.sway_step(state, dt);
-            state.regressor += self.sway_share(state);
+        if let Some(sway) = &self.sway {
+            // with the acceleration held
+            let motion = SVector::from(state.sway);
+            state.sway =
+                runge_kutta(&motion, dt, |x| [x[1], sway.acceleration(acceleration, x[0], x[1])].into()).into();
+            state.regressor += self.reaction(sway, state);
         }
     }
 
@@ -311,27 +305,10 @@ impl MassEstimator {
         if self.use_accelerometer { state.specific.value } else { state.speed.rate }
     }
 
-    fn sway_acceleration(&self, acceleration: f64, [phi, phi_dot]: [f64; 2]) -> f64 {
-        let [stiffness, damping, coupling, _] = self.sway;
-        -damping * phi_dot - stiffness * phi - coupling * acceleration
-    }
-
-    /// Share of the swaying body's reaction per kilogram of the person, `mu h phi''`, m/s2.
-    fn sway_share(&self, state: &MassState) -> f64 {
-        self.sway[3] * self.sway_acceleration(self.acceleration(state), state.sway)
-    }
-
-    /// Runge-Kutta step of the sway with the acceleration held.
-    fn sway_step(&self, state: &mut MassState, dt: f64) {
-        let a = self.acceleration(state);
-        let slope = |x: [f64; 2]| [x[1], self.sway_acceleration(a, x)];
-        let along = |x: [f64; 2], k: [f64; 2], h: f64| [x[0] + h * k[0], x[1] + h * k[1]];
-        let x = state.sway;
-        let k1 = slope(x);
-        let k2 = slope(along(x, k1, 0.5 * dt));
-        let k3 = slope(along(x, k2, 0.5 * dt));
-        let k4 = slope(along(x, k3, dt));
-        state.sway = std::array::from_fn(|i| x[i] + dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+    /// The swaying body's reaction per kilogram of the person, m/s2.
+    fn reaction(&self, sway: &SmallSway, state: &MassState) -> f64 {
+        let [phi, phi_dot] = state.sway;
+        sway.reaction(self.acceleration(state), phi, phi_dot)
     }
 
     /// Standard deviation of the estimate; that of the nominal mass before there is one.

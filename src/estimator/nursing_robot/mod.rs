@@ -22,7 +22,7 @@ pub use parameters::*;
 
 use crate::estimator::{Estimator, StateError};
 use crate::filter::bounded;
-use crate::model::nursing_robot::{CentreOfGravity, GRAVITY, Human, Robot, common_cog, person_cog};
+use crate::model::nursing_robot::CentreOfGravity;
 use crate::variable::Variable;
 use crate::{ParameterError, Status, Variables};
 use mass::{MassEstimator, MassSample, MassState, MassStatus};
@@ -30,37 +30,6 @@ use serde::{Deserialize, Serialize};
 use sway::{SwayEstimate, SwayEstimator, SwaySample, SwayState, SwayStatus};
 
 impl Parameters {
-    /// The robot in the model's terms. The planar filters need no yaw inertia.
-    pub fn robot(&self) -> Robot {
-        Robot {
-            mass: self.robot.mass,
-            track: self.robot.track,
-            wheel_radius: self.robot.wheel_radius,
-            wheel_inertia: self.robot.wheel_inertia,
-            rotating_mass: self.robot.rotating_mass,
-            yaw_inertia: 0.0,
-            drive_efficiency: self.robot.drive_efficiency,
-            rolling_coefficient: self.rolling.coefficient,
-            smoothing_speed: self.rolling.smoothing_speed,
-        }
-    }
-
-    /// The person with the nominal mass in the model's terms.
-    pub fn human(&self) -> Human {
-        Human {
-            mass: self.human.nominal_mass,
-            swaying_fraction: self.human.swaying_fraction,
-            com_height: self.human.com_height,
-            gyration_radius: self.human.gyration_radius,
-            stiffness_pitch: self.human.stiffness_pitch,
-            damping_pitch: self.human.damping_pitch,
-            rest_pitch: self.human.rest_pitch,
-            stiffness_roll: self.human.stiffness_roll,
-            damping_roll: self.human.damping_roll,
-            rest_roll: self.human.rest_roll,
-        }
-    }
-
     /// Longest step that the filters bridge, s; a rounding error longer than 1.5 sample periods is not
     /// taken for a gap.
     pub fn longest_step(&self) -> f64 {
@@ -69,14 +38,14 @@ impl Parameters {
 
     /// Checks what single ranges cannot.
     fn check_together(&self) -> Result<(), ParameterError> {
-        let human = self.human();
-        let toppling = human.first_moment() * GRAVITY;
+        let (human, mass) = (&self.human, self.human.nominal_mass);
+        let toppling = human.toppling_stiffness(mass);
         let refuse = |name: &str, reason: String| {
             let declared = Self::declare();
             let index = declared.iter().position(|v: &Variable| v.name == name).unwrap_or(0);
             Err(declared[index].refuse(self.to_vec()[index], reason))
         };
-        if human.hip_inertia() > 0.0 && human.stiffness_pitch <= toppling {
+        if human.hip_inertia(mass) > 0.0 && human.stiffness_pitch <= toppling {
             let reason = format!(
                 "does not hold the body upright: it must exceed {toppling:.1} N.m/rad, the moment of gravity per angle"
             );
@@ -102,8 +71,6 @@ impl Parameters {
 #[derive(Clone, Debug)]
 pub struct NursingRobot {
     parameters: Parameters,
-    robot: Robot,
-    human: Human,
     mass: MassEstimator,
     sway: Option<SwayEstimator>,
     state: State,
@@ -152,8 +119,8 @@ impl NursingRobot {
         take(inputs.roll, tilt, false);
         take(inputs.roll_rate, rate, false);
         Screened {
-            drive_force: self.robot.drive_force(left, right),
-            air_drag: 0.5 * p.aero.air_density * p.aero.drag_area * speed * speed.abs(),
+            drive_force: p.robot.drive_force(left, right),
+            air_drag: p.aero.drag(speed),
             speed,
             yaw_rate: take(inputs.yaw_rate, rate, false),
             tilt: take(inputs.tilt, tilt, p.sway.use_tilt),
@@ -213,7 +180,7 @@ impl NursingRobot {
     fn rigid(&self) -> SwayEstimate {
         let std = self.parameters.sway.speed_std;
         SwayEstimate {
-            state: [self.state.speed, self.human.rest_pitch, 0.0, 0.0],
+            state: [self.state.speed, self.parameters.human.rest_pitch, 0.0, 0.0],
             state_std: [std, 0.0, 0.0, 0.0],
             ..SwayEstimate::default()
         }
@@ -222,18 +189,13 @@ impl NursingRobot {
     fn write_cog(&self, pitch: f64, pitch_std: f64, out: &mut Outputs) {
         let p = &self.parameters;
         let (mass, mass_std) = (out.load_mass, out.load_mass_std);
-        let person = person_cog(&self.human, p.robot.seat_height, pitch);
-        let CentreOfGravity { x, z } = common_cog(p.robot.mass, p.robot.cog_height, mass, person);
-        let arm = self.human.swaying_fraction * self.human.com_height;
-        let (sin, cos) = pitch.sin_cos();
-        let total = p.robot.mass + mass;
-        let share = mass / total;
-        // Share of a mass error in the common centre of gravity, 1/kg.
-        let per_mass = p.robot.mass / (total * total);
+        let (person, by_pitch) = (p.human.cog(p.robot.seat_height, pitch), p.human.cog_derivative(pitch));
+        let CentreOfGravity { x, z } = p.robot.common_cog(mass, person);
+        let (share, per_mass) = p.robot.load_share(mass);
         (out.load_cog_x, out.load_cog_z, out.cog_x, out.cog_z) = (person.x, person.z, x, z);
-        out.load_cog_x_std = (arm * cos * pitch_std).abs();
+        out.load_cog_x_std = (by_pitch.x * pitch_std).abs();
         // The height is stationary upright: the second-order term is kept there.
-        out.load_cog_z_std = (arm * sin * pitch_std).hypot(arm * cos * pitch_std * pitch_std * 0.5f64.sqrt());
+        out.load_cog_z_std = (by_pitch.z * pitch_std).hypot(by_pitch.x * pitch_std * pitch_std * 0.5f64.sqrt());
         out.cog_x_std = (share * out.load_cog_x_std).hypot(person.x * per_mass * mass_std);
         out.cog_z_std = (share * out.load_cog_z_std).hypot((person.z - p.robot.cog_height) * per_mass * mass_std);
     }
@@ -251,9 +213,8 @@ impl Estimator for NursingRobot {
     fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
         parameters.validate()?;
         parameters.check_together()?;
-        let (robot, human) = (parameters.robot(), parameters.human());
-        let mass = MassEstimator::new(parameters, &robot, &human);
-        let sway = SwayEstimator::new(parameters, &robot, &human);
+        let mass = MassEstimator::new(parameters);
+        let sway = SwayEstimator::new(parameters);
         let state = State {
             started: false,
             status: Status::OK,
@@ -261,7 +222,7 @@ impl Estimator for NursingRobot {
             mass: mass.start(),
             sway: sway.as_ref().map(SwayEstimator::start),
         };
-        Ok(Self { parameters: parameters.clone(), robot, human, mass, sway, state })
+        Ok(Self { parameters: parameters.clone(), mass, sway, state })
     }
 
     fn sample_period(&self) -> f64 {

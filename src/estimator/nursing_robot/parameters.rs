@@ -1,6 +1,7 @@
 //! Everything that can be set, measured and read, declared once.
 
 use crate::Status;
+use crate::model::nursing_robot::{Aero, Human, Robot, Rolling};
 
 choice! {
     /// Law by which the mass filter forgets.
@@ -39,78 +40,6 @@ choice! {
         Sound = "sound",
         /// Speed, pitch, pitch rate and the person's active hip torque.
         SoundTorque = "sound_torque",
-    }
-}
-
-variables! {
-    /// The robot or vehicle without its load.
-    pub struct RobotParameters {
-        /// Mass of the robot or vehicle without the load that is estimated.
-        mass: f64 = 160.0, "kg", [1.0, 1e5];
-        /// Distance between the left and right drive wheels.
-        track: f64 = 0.7, "m", [0.05, 10.0];
-        /// Radius of the drive wheels.
-        wheel_radius: f64 = 0.0825, "m", [0.005, 3.0];
-        /// Moment of inertia of one drive wheel about its axle.
-        wheel_inertia: f64 = 0.0004, "kg.m2", [0.0, 1e3];
-        /// Further equivalent mass of rotating parts (motors, gears), in addition to 2 wheel_inertia / wheel_radius^2. A vehicle whose rotating inertia is known only as one mass sets wheel_inertia to 0 and gives it here.
-        rotating_mass: f64 = 0.0, "kg", [0.0, 1e5];
-        /// Efficiency between the given wheel torque and the force at the wheel, taken alike in driving and braking.
-        drive_efficiency: f64 = 1.0, "1", [0.1, 2.0];
-        /// Height of the hip of the seated person above the floor.
-        seat_height: f64 = 0.5, "m", [0.0, 5.0];
-        /// Height of the robot's own centre of gravity above the floor; it lies above the driven axle.
-        cog_height: f64 = 0.3, "m", [0.0, 5.0];
-    }
-}
-
-variables! {
-    /// Rolling resistance.
-    pub struct RollingParameters {
-        /// Coefficient of rolling resistance: resistance over weight.
-        coefficient: f64 = 0.015, "1", [0.0, 0.5];
-        /// Speed scale over which the rolling resistance changes its sign around standstill.
-        smoothing_speed: f64 = 0.02, "m/s", [1e-4, 10.0];
-    }
-}
-
-variables! {
-    /// Air drag, for road vehicles.
-    pub struct AeroParameters {
-        /// Drag coefficient times frontal area; 0 leaves air drag out.
-        drag_area: f64 = 0.0, "m2", [0.0, 100.0];
-        /// Density of the air.
-        air_density: f64 = 1.2, "kg/m3", [0.0, 5.0];
-    }
-}
-
-variables! {
-    /// The seated person.
-    pub struct HumanParameters {
-        /// Mass of the person until one is estimated; also the mass to which stiffness and damping belong.
-        nominal_mass: f64 = 70.0, "kg", [0.0, 1e5];
-        /// Standard deviation of nominal_mass, shown as load_mass_std until a mass is estimated.
-        nominal_mass_std: f64 = 20.0, "kg", [0.0, 1e5];
-        /// Fraction of the person's mass that sways (head, arms, trunk); 0 for a load that cannot sway, which switches the sway filter off.
-        swaying_fraction: f64 = 0.678, "1", [0.0, 1.0];
-        /// Distance from the hip to the centre of mass of the swaying part.
-        com_height: f64 = 0.3065, "m", [0.01, 3.0];
-        /// Radius of gyration of the swaying part about its centre of mass.
-        gyration_radius: f64 = 0.2428, "m", [0.0, 3.0];
-        /// Stiffness of the hip against pitching. Must exceed the toppling moment of gravity per angle, else upright is unstable.
-        stiffness_pitch: f64 = 400.0, "N.m/rad", [0.0, 1e5];
-        /// Damping of the hip against pitching.
-        damping_pitch: f64 = 25.0, "N.m.s/rad", [0.0, 1e4];
-        /// Pitch of the relaxed posture, positive leaning forward.
-        rest_pitch: f64 = 0.0, "rad", [-1.0, 1.0];
-        /// How far the posture that a person keeps may differ from rest_pitch (standard deviation). Wheels cannot feel a kept lean, so this enters body_pitch_std when no tilt is measured.
-        rest_pitch_std: f64 = 0.05, "rad", [0.0, 1.0];
-        /// Stiffness of the hip against rolling sideways. Not used by the filters; identified for models of the lateral sway.
-        stiffness_roll: f64 = 500.0, "N.m/rad", [0.0, 1e5];
-        /// Damping of the hip against rolling sideways. Not used by the filters.
-        damping_roll: f64 = 30.0, "N.m.s/rad", [0.0, 1e4];
-        /// Roll of the relaxed posture, positive leaning right. Not used by the filters.
-        rest_roll: f64 = 0.0, "rad", [-1.0, 1.0];
     }
 }
 
@@ -266,13 +195,13 @@ variables! {
         /// Time between two samples.
         sample_period: f64 = 0.01, "s", [1e-4, 10.0];
         /// The robot or vehicle without its load.
-        robot: RobotParameters;
+        robot: Robot;
         /// Rolling resistance.
-        rolling: RollingParameters;
+        rolling: Rolling;
         /// Air drag.
-        aero: AeroParameters;
+        aero: Aero;
         /// The seated person.
-        human: HumanParameters;
+        human: Human;
         /// The mass filter.
         mass: MassParameters;
         /// The sway filter.

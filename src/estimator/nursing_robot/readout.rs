@@ -3,7 +3,6 @@
 
 use super::sway::{SwayBelief, SwayEstimate, SwayEstimator, SwayState};
 use crate::filter::gaussian::Gaussian;
-use crate::model::nursing_robot::GRAVITY;
 use nalgebra::SVector;
 
 /// Longest step of the model when it is carried ahead, s.
@@ -45,9 +44,7 @@ impl SwayEstimator {
             estimate.state[i] = mean[i];
             estimate.state_std[i] = variance[i].max(0.0).sqrt();
         }
-        // Gravity moves the equilibrium further than the relaxed posture moves.
-        let amplification = step.planar.k / (step.planar.k - step.planar.b * GRAVITY).max(0.1 * step.planar.k);
-        estimate.state_std[1] = estimate.state_std[1].hypot(amplification * self.rest_std());
+        estimate.state_std[1] = estimate.state_std[1].hypot(step.planar.posture_by_rest() * self.rest_std());
         let (unmodelled, planar) = (self.torque_noise(state), &step.planar);
         estimate.force = step.sway_force(&mean);
         let gradient = gradient(&mean, estimate.force, |x| step.sway_force(x));

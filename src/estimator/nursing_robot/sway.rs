@@ -13,12 +13,13 @@ use super::Parameters;
 use super::parameters::SwayModel;
 use crate::filter::adaptation::{MeasurementAdaptation, MeasurementNoise, ProcessScale};
 use crate::filter::bounded;
+use crate::filter::discretise::runge_kutta;
 use crate::filter::gaussian::{Gaussian, add_square};
 use crate::filter::innovation::Gate;
 use crate::filter::nis_monitor::NisMonitor;
 use crate::filter::sigma_points::UnscentedTransform;
 use crate::filter::ukf::{self, Channel};
-use crate::model::nursing_robot::{GRAVITY, Human, Lean, Planar, Robot};
+use crate::model::nursing_robot::{Human, Lean, Planar, Robot, Rolling};
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
@@ -73,6 +74,7 @@ pub struct SwayEstimator {
     form: Form,
     transform: UnscentedTransform,
     robot: Robot,
+    rolling: Rolling,
     human: Human,
     use_channel: [bool; 3],
     nominal_noise: [f64; 3],
@@ -185,9 +187,9 @@ pub(super) struct Step<'a> {
 
 impl SwayEstimator {
     /// From checked parameters; `None` if nothing sways.
-    pub fn new(p: &Parameters, robot: &Robot, human: &Human) -> Option<Self> {
+    pub fn new(p: &Parameters) -> Option<Self> {
         let s = &p.sway;
-        if human.hip_inertia() <= 0.0 {
+        if p.human.hip_inertia(p.human.nominal_mass) <= 0.0 {
             return None;
         }
         let form = match s.model {
@@ -215,8 +217,9 @@ impl SwayEstimator {
         Some(Self {
             form,
             transform: UnscentedTransform::new(states, s.alpha, s.beta, s.kappa),
-            robot: *robot,
-            human: *human,
+            robot: p.robot,
+            rolling: p.rolling,
+            human: p.human,
             use_channel: [true, s.use_tilt, s.use_tilt_rate && states > 2],
             nominal_noise: [s.speed_std, s.tilt_std, s.tilt_rate_std].map(|std| std * std),
             density,
@@ -247,7 +250,7 @@ impl SwayEstimator {
             channels: 0,
             monitor: NisMonitor::default(),
             repaired: false,
-            mass: self.human.mass,
+            mass: self.human.nominal_mass,
             force: None,
             yaw_rate: 0.0,
             smoothed_speed: 0.0,
@@ -281,7 +284,7 @@ impl SwayEstimator {
 
     /// Model of the machine with `mass` kg of load; the hip's spring and damper stay as they are.
     fn planar(&self, mass: f64) -> Planar {
-        Planar::new(&self.robot, &Human { mass, ..self.human })
+        Planar::new(&self.robot, &self.rolling, &self.human, mass)
     }
 
     /// Takes one sample: time update over `dt` (none if `dt` is zero), then measurement update, with
@@ -483,17 +486,11 @@ impl Step<'_> {
                 let push = self.force - self.planar.rolling_resistance(x[0]) - self.paper_force(x[1]);
                 SVector::from_fn(|i, _| if i == 0 { x[0] + self.dt * push / self.planar.inertial_mass } else { x[i] })
             }
-            _ => {
-                let (h, k1) = (self.dt, self.slope(x));
-                let k2 = self.slope(&(x + k1 * (0.5 * h)));
-                let k3 = self.slope(&(x + k2 * (0.5 * h)));
-                let k4 = self.slope(&(x + k3 * h));
-                x + (k1 + (k2 + k3) * 2.0 + k4) * (h / 6.0)
-            }
+            _ => runge_kutta(x, self.dt, |x| self.derivative(x)),
         }
     }
 
-    fn slope<const N: usize>(&self, x: &SVector<f64, N>) -> SVector<f64, N> {
+    fn derivative<const N: usize>(&self, x: &SVector<f64, N>) -> SVector<f64, N> {
         let active = if N > 3 { x[3] } else { 0.0 };
         let (v_dot, phi_ddot) = self.acceleration(x[0], x[1], x[2], active);
         SVector::from_fn(|i, _| [v_dot, x[2], phi_ddot, -active / self.torque_time][i])
@@ -518,13 +515,11 @@ impl Step<'_> {
         self.planar.sway_force(x[1], x[2], phi_ddot, self.omega)
     }
 
-    /// The paper's disturbance force: a torque taken for a force as printed, or divided by the lever `J / b`.
+    /// The paper's disturbance force, N.
     fn paper_force(&self, phi: f64) -> f64 {
-        let Planar { b, j, k, rest, .. } = self.planar;
         match self.form {
-            // As printed, all of the person swings: m_h g h sin(phi) - k phi.
-            Form::PaperRaw => self.mass * GRAVITY * self.human.com_height * phi.sin() - k * phi,
-            _ => b / j * (b * GRAVITY * phi.sin() - k * (phi - rest)),
+            Form::PaperRaw => self.planar.printed_force(self.human, self.mass, phi),
+            _ => self.planar.paper_force(phi),
         }
     }
 }

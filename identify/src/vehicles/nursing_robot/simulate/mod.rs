@@ -196,7 +196,7 @@ pub fn run(request: &Request) -> Result<Run, SimulateError> {
 
 /// A wrong stiffness that still holds the body upright.
 fn stiff_enough(p: &Parameters, factor: f64) -> f64 {
-    let toppling = p.human().first_moment() * 9.81;
+    let toppling = p.human.toppling_stiffness(p.human.nominal_mass);
     (p.human.stiffness_pitch * factor).max(1.1 * toppling)
 }
 

@@ -5,10 +5,9 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
 use wheelstate::estimator::nursing_robot::Parameters;
+use wheelstate::model::nursing_robot::Human;
 use wheelstate::plant::nursing_robot::{Chassis, Person};
 use wheelstate::{Variables, variables};
-
-const GRAVITY: f64 = 9.81;
 
 variables! {
     /// The plant beyond the parameters that the estimator knows.
@@ -113,8 +112,8 @@ impl Chosen {
             offers.push(("human.gyration_radius", 0.1428 * stature));
         }
         self.offer_all(&offers, machine)?;
-        let human = machine.human();
-        let (inertia, toppling) = (human.hip_inertia(), human.first_moment() * GRAVITY);
+        let (human, mass) = (&machine.human, machine.human.nominal_mass);
+        let (inertia, toppling) = (human.hip_inertia(mass), human.toppling_stiffness(mass));
         self.offer_all(
             &[
                 ("human.stiffness_pitch", inertia * pitch * pitch + toppling),
@@ -135,12 +134,14 @@ impl Chosen {
         let human = &mut next.human;
         human.nominal_mass = draw(50.0, 100.0);
         (human.com_height, human.gyration_radius) = (0.180 * stature, 0.1428 * stature);
-        let (old, new) = (first.human(), next.human());
+        let (old, new) = (first.human, next.human);
+        let of = |human: &Human| (human.hip_inertia(human.nominal_mass), human.toppling_stiffness(human.nominal_mass));
+        let ((old_inertia, old_toppling), (new_inertia, new_toppling)) = (of(&old), of(&new));
         let spring = |k: f64, factor: f64| {
-            let stiffness = (k - old.first_moment() * GRAVITY) / old.hip_inertia();
-            new.hip_inertia() * stiffness * factor * factor + new.first_moment() * GRAVITY
+            let stiffness = (k - old_toppling) / old_inertia;
+            new_inertia * stiffness * factor * factor + new_toppling
         };
-        let damper = |c: f64, factor: f64| c / old.hip_inertia() * new.hip_inertia() * factor;
+        let damper = |c: f64, factor: f64| c / old_inertia * new_inertia * factor;
         next.human.stiffness_pitch = spring(old.stiffness_pitch, draw(0.9, 1.1));
         next.human.stiffness_roll = spring(old.stiffness_roll, draw(0.9, 1.1));
         next.human.damping_pitch = damper(old.damping_pitch, draw(0.8, 1.2));
