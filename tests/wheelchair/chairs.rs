@@ -55,7 +55,7 @@ fn config() -> serde_json::Value {
 pub fn reference_limits() -> Limits {
     let config = config();
     let limit = |name: &str| config[name].as_f64().unwrap();
-    Limits { substep: limit("dt_sub"), longest_step: limit("dt_max"), impact: 0.0 }
+    Limits { substep: limit("dt_sub"), longest_step: limit("dt_max"), outlier_threshold: 0.0 }
 }
 
 /// The noise of `params.json`, with the densities that a run sets instead.

@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 /// Heading, slope, slope rate and pitch, by the delta method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Attitude {
-    /// Heading against the contour line, rad, in (-pi, pi]. Its standard deviation is at most `pi / sqrt(3)`: that of a
+    /// Heading relative to the contour line, rad, in (-pi, pi]. Its standard deviation is at most `pi / sqrt(3)`: that of a
     /// heading of which nothing is known.
     pub heading: Estimate,
     /// Slope, rad, not negative.

@@ -25,9 +25,9 @@ pub struct Noise {
     pub gyro_bias: f64,
     /// Drift of the accelerometer's bias, m^2/s^5.
     pub accel_bias: f64,
-    /// Drift of the heading against the encoders, rad^2/s.
+    /// Drift of the heading relative to the encoders, rad^2/s.
     pub heading_offset: f64,
-    /// Drift of the force that nobody reports, N^2/s.
+    /// Drift of an unmodelled force, N^2/s.
     pub force_offset: f64,
     /// One wheel angle, rad.
     pub encoder: f64,
@@ -51,7 +51,7 @@ pub struct Limits {
     /// Longest step that is taken at all, s.
     pub longest_step: f64,
     /// Beyond this many standard deviations an accelerometer's row counts the less the further off it is; 0 = never.
-    pub impact: f64,
+    pub outlier_threshold: f64,
 }
 
 /// The chair and all that a step needs besides the state.
@@ -79,7 +79,7 @@ pub trait Form<const N: usize, const K: usize, const P: usize> {
     /// The states that say how the ground is tilted.
     const TILT: &'static [usize];
 
-    /// Whether the measured acceleration ahead drives the motion instead of being a measurement.
+    /// Whether the measured forward acceleration drives the motion instead of being a measurement.
     fn takes_acceleration(&self) -> bool {
         false
     }
@@ -121,7 +121,7 @@ pub struct Expected<const N: usize> {
 pub struct Drive {
     /// Force and moment, held over the step.
     pub command: Command,
-    /// Measured specific force ahead, m/s^2, for the form that is driven by it.
+    /// Measured forward specific force, m/s^2, for the form that is driven by it.
     pub accel_x: Option<f64>,
     /// The chair stands still.
     pub still: bool,
@@ -213,9 +213,12 @@ impl<F> ChairEkf<F> {
     {
         let mut rows = self.rows(belief, sample, drive);
         // Without a gate nothing else uses its counters.
-        let robust = self.limits.impact > 0.0 && self.gate.deviations <= 0.0;
-        let impact =
-            if robust { downweight(self.limits.impact, belief, &mut rows, &mut counters[ACCEL_X]) } else { 0.0 };
+        let robust = self.limits.outlier_threshold > 0.0 && self.gate.deviations <= 0.0;
+        let impact = if robust {
+            downweight(self.limits.outlier_threshold, belief, &mut rows, &mut counters[ACCEL_X])
+        } else {
+            0.0
+        };
         let before = drive.still.then_some(*belief);
         let sensors = ekf::correct(belief, &rows, Some((self.gate, counters)))?;
         let Some(before) = before else {

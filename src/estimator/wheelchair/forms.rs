@@ -61,7 +61,7 @@ fn add_drift<const N: usize, const D: usize>(
     }
 }
 
-/// Drift of the force that nobody reports. While the force moves nothing, its errors are neither seen nor in the way.
+/// Drift of an unmodelled force. While the force moves nothing, its errors are neither seen nor in the way.
 fn force_drift(noise: &Noise, drive: &Drive) -> f64 {
     if drive.still { 0.0 } else { noise.force_offset }
 }

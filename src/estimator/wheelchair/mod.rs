@@ -10,14 +10,14 @@
 //! | `acceleration_input` | 11 | force not or badly known: the measured acceleration drives the motion |
 //! | `gravity_vector` | 14 | as `bias`, the direction of the contour line unknown at the start |
 //!
-//! Impacts on a kerb or a ramp's edge, which none of these models has, are down-weighted (`filter.impact`).
+//! Impacts on a kerb or a ramp's edge, which none of these models has, are down-weighted (`filter.outlier_threshold`).
 //!
 //! # What cannot be observed
-//! On flat ground nothing tells the heading against the contour line: it rests on the initial heading
+//! On flat ground nothing tells the heading relative to the contour line: it rests on the initial heading
 //! and the encoders, and `status` says `unobservable`. A slope that contradicts the heading raises
 //! `contradicted` and clears `healthy`. Even on a slope a wrong initial heading is
 //! corrected only by `gravity_vector`; the other kinds take the encoders' heading as true. At rest
-//! slope and accelerometer bias cannot be told apart (0.05 m/s^2 look like 5 mrad). A slope that
+//! slope and accelerometer bias cannot be distinguished (0.05 m/s^2 look like 5 mrad). A slope that
 //! appears as a step, without rotation that the gyro could see, is found late or not at all. A constant
 //! unmodelled force and the bias of the forward accelerometer look like slope too, until the drive
 //! force changes; `bias` and `gravity_vector` carry the force's errors as states, `basic` takes force and mass as true.

@@ -32,7 +32,7 @@ crate::choice! {
 crate::variables! {
     /// What is known at the start.
     pub struct InitialParameters {
-        /// Heading at the start against the slope's contour line, counter-clockwise; pi/2 climbs straight.
+        /// Heading at the start relative to the slope's contour line, counter-clockwise; pi/2 climbs straight.
         heading: f64 = 0.0, "rad", [-1e4, 1e4];
         /// Forward speed at the start.
         speed: f64 = 0.0, "m/s", [-20.0, 20.0];
@@ -40,11 +40,11 @@ crate::variables! {
         slope: f64 = 0.0, "rad", [-1.5, 1.5];
         /// Bias of the gyro: where the kind estimates it, its start, otherwise subtracted.
         gyro_bias: f64 = 0.0, "rad/s", [-10.0, 10.0];
-        /// Bias of the accelerometer ahead: where the kind estimates it, its start, otherwise subtracted.
+        /// Bias of the forward accelerometer: where the kind estimates it, its start, otherwise subtracted.
         accel_x_bias: f64 = 0.0, "m/s2", [-10.0, 10.0];
-        /// Bias of the accelerometer to the left: where the kind estimates it, its start, otherwise subtracted.
+        /// Bias of the leftward accelerometer: where the kind estimates it, its start, otherwise subtracted.
         accel_y_bias: f64 = 0.0, "m/s2", [-10.0, 10.0];
-        /// Bias of the accelerometer upward: where the kind estimates it, its start, otherwise subtracted.
+        /// Bias of the upward accelerometer: where the kind estimates it, its start, otherwise subtracted.
         accel_z_bias: f64 = 0.0, "m/s2", [-10.0, 10.0];
         /// Standard deviation of the distance at the start.
         distance_std: f64 = 0.005, "m", [1e-9, 1e3];
@@ -66,7 +66,7 @@ crate::variables! {
         heading_offset_std: f64 = 1e-6, "rad", [1e-9, 10.0];
         /// Standard deviation of the drive force's relative error, that of the mass included; 0 = exact. With the kinds bias and gravity_vector.
         force_gain_std: f64 = 0.1, "1", [0.0, 10.0];
-        /// Standard deviation of the force that nobody reports, such as unknown rolling resistance or a push; 0 = none. With the kinds bias and gravity_vector.
+        /// Standard deviation of an unmodelled force, such as unknown rolling resistance or a push; 0 = none. With the kinds bias and gravity_vector.
         force_offset_std: f64 = 3.0, "N", [0.0, 1e4];
     }
 }
@@ -74,7 +74,7 @@ crate::variables! {
 crate::variables! {
     /// The wheel encoders.
     pub struct EncoderParameters {
-        /// Whether the encoders count rotation against the frame, so that pitching of the body counts as travel.
+        /// Whether the encoders count rotation relative to the frame, so that pitching of the body counts as travel.
         counts_body_pitch: bool = true, "1";
         /// What the wheel angles count from: absolute = zero at distance 0 and the initial heading, first_sample = the first reading is that zero, auto = absolute if the first reading is near it.
         zero: Zero = Zero::Auto, "1";
@@ -94,9 +94,9 @@ crate::variables! {
         gyro_bias: f64 = 1e-8, "rad2/s3", [0.0, 1.0], tunable, process_noise;
         /// Density of the drift of the accelerometer's bias.
         accel_bias: f64 = 1e-6, "m2/s5", [0.0, 1.0], tunable, process_noise;
-        /// Density of the drift of the heading against the encoders, from slipping wheels.
+        /// Density of the drift of the heading relative to the encoders, from slipping wheels.
         heading_offset: f64 = 0.0, "rad2/s", [0.0, 1.0], tunable, process_noise;
-        /// Density of the drift of the force that nobody reports; with the kinds bias and gravity_vector.
+        /// Density of the drift of an unmodelled force; with the kinds bias and gravity_vector.
         force_offset: f64 = 4.0, "N2/s", [0.0, 1e6], tunable, process_noise;
     }
 }
@@ -132,8 +132,8 @@ crate::variables! {
         canonical_slope: bool = false, "1", tunable;
         /// Rejects a channel beyond this many standard deviations of its prediction; 0 = never.
         gate: f64 = 0.0, "1", [0.0, 1e6], tunable;
-        /// Beyond this many standard deviations of its prediction an accelerometer's sample counts the less the further off it is, as on a kerb or a ramp's edge; 0 = it always counts in full. Without effect if a gate is set.
-        impact: f64 = 4.0, "1", [0.0, 1e6], tunable;
+        /// Beyond this many standard deviations of its prediction an accelerometer's sample is down-weighted, the more the further off it is, as on a kerb or a ramp's edge; 0 = never. Without effect if a gate is set.
+        outlier_threshold: f64 = 4.0, "1", [0.0, 1e6], tunable;
         /// After this many rejections in a row one sample is accepted.
         gate_patience: i32 = 10, "1", [0, 1_000_000], tunable;
         /// Process noise.
@@ -154,7 +154,7 @@ crate::variables! {
         heading_band: f64 = 4e-3, "rad", [1e-9, 1.0], tunable;
         /// Largest pitch rate at standstill.
         gyro_band: f64 = 0.05, "rad/s", [1e-9, 10.0], tunable;
-        /// Largest deviation of the accelerometer ahead and to the left from its mean at standstill.
+        /// Largest deviation of the forward and leftward accelerometer from its mean at standstill.
         accel_band: f64 = 0.25, "m/s2", [1e-9, 100.0], tunable;
     }
 }
@@ -172,9 +172,9 @@ crate::variables! {
         drive_force: f64 = 5e3, "N", [1.0, 1e6];
         /// Largest drive moment.
         drive_moment: f64 = 2e3, "N.m", [1.0, 1e6];
-        /// Largest speed; a filter beyond it has gone astray and starts anew.
+        /// Largest speed; beyond it the filter has diverged and restarts.
         speed: f64 = 20.0, "m/s", [0.1, 1e3];
-        /// Largest yaw rate; a filter beyond it has gone astray and starts anew.
+        /// Largest yaw rate; beyond it the filter has diverged and restarts.
         yaw_rate: f64 = 30.0, "rad/s", [0.1, 1e3];
         /// Standard deviation of the slope above which the estimates are not healthy.
         healthy_slope_std: f64 = 0.03, "rad", [1e-6, 10.0];
@@ -249,7 +249,7 @@ impl Parameters {
 
     /// Limits of sensors and steps.
     pub fn limits(&self) -> Limits {
-        Limits { impact: self.filter.impact, substep: 0.02, longest_step: 1.0 }
+        Limits { outlier_threshold: self.filter.outlier_threshold, substep: 0.02, longest_step: 1.0 }
     }
 
     /// The gate.

@@ -12,11 +12,11 @@ crate::variables! {
         encoder_right: f64 = f64::NAN, "rad", [-1e9, 1e9], measured;
         /// Pitch rate of a gyro strapped down along the axle, positive nose up. NaN = no sample.
         gyro_pitch: f64 = f64::NAN, "rad/s", [-1e4, 1e4], measured;
-        /// Specific force ahead; 0 at rest on flat ground. NaN = no sample.
+        /// Forward specific force; 0 at rest on flat ground. NaN = no sample.
         accel_x: f64 = f64::NAN, "m/s2", [-1e4, 1e4], measured;
-        /// Specific force to the left; 0 at rest on flat ground. NaN = no sample.
+        /// Leftward specific force; 0 at rest on flat ground. NaN = no sample.
         accel_y: f64 = f64::NAN, "m/s2", [-1e4, 1e4], measured;
-        /// Specific force up; +g at rest on flat ground. NaN = no sample.
+        /// Upward specific force; +g at rest on flat ground. NaN = no sample.
         accel_z: f64 = f64::NAN, "m/s2", [-1e4, 1e4], measured;
         /// Force of motors and hands along the heading. NaN = the last value holds.
         drive_force: f64 = f64::NAN, "N", [-1e6, 1e6], held;
@@ -30,7 +30,7 @@ crate::variables! {
     pub struct Outputs {
         /// Distance rolled by the driven axle's midpoint, as the encoders count it.
         distance: Estimate = Estimate::NONE, "m";
-        /// Heading against the contour line of the slope, counter-clockwise, not wrapped; pi/2 climbs straight. With the kind gravity_vector it is within half a turn and means nothing on flat ground.
+        /// Heading relative to the contour line of the slope, counter-clockwise, not wrapped; pi/2 climbs straight. With the kind gravity_vector it is within half a turn and means nothing on flat ground.
         heading: Estimate = Estimate::NONE, "rad";
         /// Forward speed of the driven axle's midpoint.
         speed: Estimate = Estimate::NONE, "m/s";
@@ -44,11 +44,11 @@ crate::variables! {
         pitch: Estimate = Estimate::NONE, "rad";
         /// Bias of the gyro.
         gyro_bias: Estimate = Estimate::NONE, "rad/s";
-        /// Bias of the accelerometer ahead.
+        /// Bias of the forward accelerometer.
         accel_x_bias: Estimate = Estimate::NONE, "m/s2";
-        /// Bias of the accelerometer to the left.
+        /// Bias of the leftward accelerometer.
         accel_y_bias: Estimate = Estimate::NONE, "m/s2";
-        /// Bias of the accelerometer upward.
+        /// Bias of the upward accelerometer.
         accel_z_bias: Estimate = Estimate::NONE, "m/s2";
         /// Heading minus the heading from the encoders.
         heading_offset: Estimate = Estimate::NONE, "rad";

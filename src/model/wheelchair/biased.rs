@@ -3,7 +3,7 @@
 //! The biases of gyro and accelerometer are added to rows 3 to 6 of the measurement; `a_off` is the
 //! error of the encoders' heading reference: `alpha_enc = alpha - a_off`. On the chair acts
 //! `(1 + k_f) u_f + c_f` instead of the reported `u_f`: `k_f` is the error of the drive's gain over
-//! that of the mass, `c_f` what nobody reports, rolling resistance or a push. The source has none of
+//! that of the mass, `c_f` an unmodelled force, rolling resistance or a push. The source has none of
 //! them; known exactly (`k_f = c_f = 0`) the last two leave the state of eleven.
 
 use super::{
@@ -23,7 +23,7 @@ const ACCEL_X_BIAS: usize = 7;
 pub const HEADING_OFFSET: usize = 10;
 /// Index of the error of the drive force's gain, 1.
 pub const FORCE_GAIN: usize = 11;
-/// Index of the force that nobody reports, N.
+/// Index of an unmodelled force, N.
 pub const FORCE_OFFSET: usize = 12;
 
 fn chair_state(x: &BiasedState) -> State {

@@ -15,7 +15,7 @@ pub type State = SVector<f64, 14>;
 pub const GYRO_BIAS: usize = 8;
 /// Index of the error of the drive force's gain, 1.
 pub const FORCE_GAIN: usize = 12;
-/// Index of the force that nobody reports, N.
+/// Index of an unmodelled force, N.
 pub const FORCE_OFFSET: usize = 13;
 
 /// The state without biases and force errors.

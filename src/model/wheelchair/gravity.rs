@@ -167,13 +167,13 @@ pub fn tilt(x: &State) -> (f64, [f64; 2]) {
     (tilt, if tilt > LEVEL { [x[GX] / tilt, x[GY] / tilt] } else { [1.0, 0.0] })
 }
 
-/// A tilt of which no direction can be told.
+/// A tilt of which no direction can be seen.
 const LEVEL: f64 = 1e-12;
 
 /// Heading and slope of a chair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// Heading against the contour line, rad, in (-pi, pi]; 0 on flat ground.
+    /// Heading relative to the contour line, rad, in (-pi, pi]; 0 on flat ground.
     pub heading: f64,
     /// Slope, rad, not negative.
     pub slope: f64,

@@ -115,13 +115,13 @@ variables! {
         mass: f64 = 100.0, "kg", [1.0, 1e4];
         /// Yaw inertia of chair and user about their common centre of mass (Ic).
         yaw_inertia: f64 = 7.0, "kg.m2", [1e-3, 1e5];
-        /// Distance of the centre of mass ahead of the driven axle (l).
+        /// Distance of the centre of mass forward of the driven axle (l).
         com_ahead: f64 = 0.12, "m", [-2.0, 2.0];
-        /// Viscous drag against the speed (D).
+        /// Viscous drag that opposes the speed (D).
         drag: f64 = 12.0, "N.s/m", [0.0, 1e4];
-        /// Viscous drag against the yaw rate (B).
+        /// Viscous drag that opposes the yaw rate (B).
         yaw_drag: f64 = 3.0, "N.m.s/rad", [0.0, 1e4];
-        /// Dry friction against turning, mostly of the casters (tauc).
+        /// Dry friction that opposes turning, mostly of the casters (tauc).
         yaw_friction: f64 = 0.0, "N.m", [0.0, 1e3];
         /// Radius of the driven wheels (R).
         wheel_radius: f64 = 0.305, "m", [0.01, 2.0];
@@ -151,7 +151,7 @@ variables! {
     /// Where the accelerometer sits.
     #[derive(Copy)]
     pub struct ImuParameters {
-        /// Accelerometer ahead of the driven axle's midpoint (dx).
+        /// Accelerometer forward of the driven axle's midpoint (dx).
         x: f64 = 0.10, "m", [-5.0, 5.0];
         /// Accelerometer to the left of the driven axle's midpoint (dy).
         y: f64 = 0.01, "m", [-5.0, 5.0];

@@ -3,9 +3,9 @@
 //! Everything is worked out in a world frame with vectors: the plane's axes, the body's axes, the
 //! angular velocity, and the momentum of body and wheels with the contact forces as unknowns. The
 //! accelerometer is a point of the rigid body with every term, also those of the tilt's second
-//! derivative; the wheels turn against a frame that pitches.
+//! derivative; the wheels turn relative to a frame that pitches.
 //!
-//! Command and reality differ as told by [`Actuation`]; biases, saturation and encoder steps by
+//! Command and reality differ as given by [`Actuation`]; biases, saturation and encoder steps by
 //! [`Sensors`]. Noise comes from outside.
 
 mod course;
@@ -22,7 +22,7 @@ pub struct Body {
     pub mass: f64,
     /// Yaw inertia about the centre of mass, kg m^2.
     pub yaw_inertia: f64,
-    /// Centre of mass ahead of the axle, m.
+    /// Centre of mass forward of the axle, m.
     pub com_ahead: f64,
     /// Viscous drag, N s/m.
     pub drag: f64,
@@ -76,9 +76,9 @@ pub struct Actuation {
     pub force_gain: f64,
     /// Gain of the moment.
     pub moment_gain: f64,
-    /// Force that nobody reports, N.
+    /// Unmodelled force, N.
     pub force_bias: f64,
-    /// Moment that nobody reports, N m.
+    /// Unmodelled moment, N m.
     pub moment_bias: f64,
 }
 
@@ -97,7 +97,7 @@ pub struct Sensors {
     pub accel_bias: [f64; 3],
     /// Steps per turn of an encoder; 0 = continuous.
     pub encoder_counts: f64,
-    /// Whether the encoders turn against the frame (true) or against the ground.
+    /// Whether the encoders turn relative to the frame (true) or to the ground.
     pub encoder_on_frame: bool,
 }
 
@@ -116,7 +116,7 @@ pub struct Reading {
     pub encoder_right: f64,
     /// Nose-up rate, rad/s.
     pub gyro_pitch: f64,
-    /// Specific force ahead, to the left and up, m/s^2.
+    /// Forward, leftward and upward specific force, m/s^2.
     pub accel: [f64; 3],
 }
 
@@ -128,7 +128,7 @@ pub type Noise = Reading;
 pub struct Truth {
     /// Path of the axle's midpoint, m.
     pub distance: f64,
-    /// Heading against the contour line, rad.
+    /// Heading relative to the contour line, rad.
     pub heading: f64,
     /// Forward speed, m/s.
     pub speed: f64,
