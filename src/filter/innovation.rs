@@ -109,3 +109,42 @@ impl Gate {
         if *in_a_row <= self.patience { Verdict::Rejected } else { Verdict::LetThrough }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The verdicts on a sequence of normalised innovations squared.
+    fn verdicts(gate: Gate, squares: &[f64]) -> Vec<Verdict> {
+        let mut in_a_row = 0;
+        squares.iter().map(|square| gate.judge(*square, &mut in_a_row)).collect()
+    }
+
+    #[test]
+    fn a_gate_gives_in_after_its_patience_and_closes_when_samples_agree_again() {
+        use Verdict::{Accepted, LetThrough, Rejected};
+        let gate = Gate { deviations: 3.0, patience: 2 };
+        let far = 9.1;
+        assert_eq!(verdicts(gate, &[8.9, far, far, far, far]), [Accepted, Rejected, Rejected, LetThrough, LetThrough]);
+        // one that agrees in between begins the count anew
+        assert_eq!(verdicts(gate, &[far, far, 1.0, far, far, far])[3..], [Rejected, Rejected, LetThrough]);
+    }
+
+    #[test]
+    fn an_open_gate_rejects_nothing() {
+        assert_eq!(verdicts(Gate::OPEN, &[1e300]), [Verdict::Accepted]);
+    }
+
+    #[test]
+    fn likelihood_and_nis_are_those_of_independent_rows() {
+        let mut innovation = Innovation::<2>::none();
+        let mut determinant = 1.0;
+        innovation.count(0, 1.5, 4.0, &mut determinant);
+        innovation.count(1, -0.5, 0.25, &mut determinant);
+        let innovation = innovation.with_determinant(determinant);
+        let density = |white: f64, variance: f64| (-0.5 * white * white).exp() / (TAU * variance).sqrt();
+        let expected = (density(1.5, 4.0) * density(-0.5, 0.25)).ln();
+        assert!((innovation.log_likelihood - expected).abs() < 1e-12);
+        assert_eq!((innovation.nis, innovation.dof, innovation.nis_per_row()), (2.5, 2, 1.25));
+    }
+}

@@ -44,3 +44,51 @@ impl NisMonitor {
         bounded(self.average) && self.average >= 0.0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Seconds of samples with this NIS until `until` holds; 20 s if it never does.
+    fn seconds(monitor: &mut NisMonitor, nis: f64, until: impl Fn(&NisMonitor) -> bool) -> f64 {
+        (0..2000)
+            .find(|_| {
+                monitor.update(nis, 0.01);
+                until(monitor)
+            })
+            .map_or(20.0, |k| 0.01 * f64::from(k))
+    }
+
+    #[test]
+    fn a_contradiction_is_seen_within_seconds_and_one_outlier_is_none() {
+        let mut monitor = NisMonitor::default();
+        monitor.update(1e12, 0.01);
+        assert!(!monitor.contradicted(), "one outlier proves nothing");
+        let gross = seconds(&mut NisMonitor::default(), 100.0, NisMonitor::contradicted);
+        assert!((0.05..0.3).contains(&gross), "a gross one in {gross} s");
+        let slight = seconds(&mut NisMonitor::default(), 2.5, NisMonitor::contradicted);
+        assert!((1.5..4.0).contains(&slight), "a slight one in {slight} s");
+        assert_eq!(seconds(&mut NisMonitor::default(), 1.9, NisMonitor::contradicted), 20.0);
+    }
+
+    /// What has been bent to fit the measurements stays wrong for longer than they show: between the two levels a
+    /// contradiction that was seen stays, and one that was not seen is none.
+    #[test]
+    fn a_contradiction_stays_until_the_innovations_clearly_agree_again() {
+        let mut monitor = NisMonitor::default();
+        seconds(&mut monitor, 8.0, NisMonitor::contradicted);
+        assert_eq!(seconds(&mut monitor, 1.7, |monitor| !monitor.contradicted()), 20.0);
+        assert!(seconds(&mut monitor, 1.0, |monitor| !monitor.contradicted()) < 4.0);
+        assert_eq!(seconds(&mut monitor, 1.7, NisMonitor::contradicted), 20.0);
+    }
+
+    #[test]
+    fn the_memory_counts_seconds_and_not_samples() {
+        let after = |dt: f64| {
+            let mut monitor = NisMonitor::default();
+            (0..(1.0 / dt).round() as usize).for_each(|_| monitor.update(4.0, dt));
+            monitor.average
+        };
+        assert!((after(0.001) - after(0.05)).abs() < 1e-9);
+    }
+}

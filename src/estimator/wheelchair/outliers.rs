@@ -46,3 +46,46 @@ pub(super) fn downweight<const N: usize>(
     *forward_hits = if forward_hit { forward_hits.saturating_add(1) } else { 0 };
     taken
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{SMatrix, SVector};
+
+    fn rows(forward: f64, left: f64) -> Rows<2, 6> {
+        let mut innovation = SVector::zeros();
+        (innovation[ACCEL_X], innovation[ACCEL_X + 1]) = (forward, left);
+        Rows { innovation, jacobian: SMatrix::zeros(), noise: SMatrix::identity() * 0.01, used: [true; 6] }
+    }
+
+    /// Noise of the forward and the leftward row after down-weighting samples that are so far off forward.
+    fn noise(forward: f64, left: f64, hits: &mut u32) -> [f64; 2] {
+        let mut rows = rows(forward, left);
+        let belief = Gaussian::independent(SVector::zeros(), &SVector::repeat(1.0));
+        downweight(4.0, &belief, &mut rows, hits);
+        [rows.noise[(ACCEL_X, ACCEL_X)], rows.noise[(ACCEL_X + 1, ACCEL_X + 1)]]
+    }
+
+    #[test]
+    fn a_forward_impact_is_down_weighted_for_three_samples_and_then_believed() {
+        let mut hits = 0;
+        let weighed: Vec<bool> = (0..5).map(|_| noise(2.0, 0.0, &mut hits)[0] > 0.011).collect();
+        assert_eq!(weighed, [true, true, true, false, false]);
+        assert_eq!(noise(0.1, 0.0, &mut hits)[0], 0.01);
+        assert!(noise(2.0, 0.0, &mut hits)[0] > 0.011, "a sample that agrees ends the impact");
+    }
+
+    #[test]
+    fn a_sideward_impact_may_last() {
+        let mut hits = 0;
+        assert!((0..50).all(|_| noise(0.0, 2.0, &mut hits)[1] > 0.011));
+    }
+
+    /// Just as far off as the threshold says: the influence of a row falls from there on.
+    #[test]
+    fn a_row_is_made_as_uncertain_as_it_is_off() {
+        let [forward, _] = noise(2.0, 0.0, &mut 0);
+        assert!((2.0 / forward.sqrt() - 4.0).abs() < 1e-12);
+        assert_eq!(noise(2e3, 0.0, &mut 0)[0], 0.01, "beyond all impacts the filter has diverged");
+    }
+}
