@@ -5,7 +5,6 @@
 //! innovations: white innovations leave it alone, innovations that keep their sign raise it.
 //! Erratum: the paper names its filter adaptive and gives no law (eq. 43-54).
 
-use super::bounded;
 use serde::{Deserialize, Serialize};
 
 /// Measurement variances learnt from residuals, `R <- (1 - d) R + d (residual^2 + h P h^T)`, with
@@ -58,9 +57,9 @@ impl<const M: usize> MeasurementNoise<M> {
         }
     }
 
-    /// Whether the numbers can have come from [`learn`](Self::learn).
-    pub fn is_sound(&self) -> bool {
-        self.variance.iter().all(|v| bounded(*v) && *v > 0.0) && (0.0..=1.0).contains(&self.remaining)
+    /// Whether the numbers, which are finite, can have come from [`learn`](Self::learn).
+    pub fn is_valid(&self) -> bool {
+        self.variance.iter().all(|v| *v > 0.0) && (0.0..=1.0).contains(&self.remaining)
     }
 }
 
@@ -93,8 +92,8 @@ impl<const M: usize> ProcessScale<M> {
         self.scale = scale.min(highest);
     }
 
-    /// Whether the numbers can have come from [`learn`](Self::learn).
-    pub fn is_sound(&self) -> bool {
-        bounded(self.scale) && self.scale >= 1.0 && self.mean.iter().all(|x| bounded(*x))
+    /// Whether the numbers, which are finite, can have come from [`learn`](Self::learn).
+    pub fn is_valid(&self) -> bool {
+        self.scale >= 1.0
     }
 }

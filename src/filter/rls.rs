@@ -1,4 +1,4 @@
-//! Recursive least squares for one unknown, with adaptive forgetting, covariance re-opening,
+//! Recursive least squares for one unknown, with adaptive forgetting, resets of its covariance,
 //! rejection of outliers and an honest account of its error.
 //!
 //! Model: `measurement = regressor * estimate + noise`. The recursion (H is the inverse of the
@@ -8,11 +8,10 @@
 //! e = y - E m,   K = H E / (lambda + E H E),   m <- m + K e,   H <- (1 - K E) H / lambda
 //! ```
 //!
-//! The estimate starts from the pooled samples after the (re-)opening, `m = sum(E y) / sum(E^2)`.
+//! The estimate starts from the samples pooled after the start or a reset, `m = sum(E y) / sum(E^2)`.
 //! Forgetting laws: Yang et al., eq. (34) and (35).
 //! Erratum: eq. (37) of the paper starts from one sample, whose regressor may be near zero.
 
-use super::bounded;
 use serde::{Deserialize, Serialize};
 
 /// How fast old samples are forgotten, given the size of the prediction error `e`.
@@ -78,7 +77,7 @@ pub struct Config {
     pub bounds: (f64, f64),
     /// Prediction errors beyond this are rejected.
     pub gate: f64,
-    /// Samples pooled into the first estimate after an opening.
+    /// Samples pooled into the first estimate after the start or a reset.
     pub pooled: u32,
     /// If positive: forget by the size of the signed mean error over this time, s, instead of by the
     /// single error, so that only errors of persistent sign count.
@@ -185,9 +184,9 @@ impl<const D: usize> Rls<D> {
         }
     }
 
-    /// Covariance re-opening: the quantity may have become another one, so H is the largest again and
-    /// the next samples are pooled into a new start. The estimate is held meanwhile.
-    pub fn reopen(&mut self, config: &Config) {
+    /// The quantity may have become another one: H is the largest again and the next samples are pooled into a
+    /// new start. The estimate is held meanwhile.
+    pub fn reset_covariance(&mut self, config: &Config) {
         self.covariance = config.covariance.1;
         self.pooled = 0;
         (self.sum_ee, self.sum_ey, self.sum_ed) = (0.0, 0.0, [0.0; D]);
@@ -195,7 +194,7 @@ impl<const D: usize> Rls<D> {
 
     /// The quantity may have changed by a random amount with this standard deviation: adds that to the
     /// covariance and keeps the estimate.
-    pub fn loosen(&mut self, config: &Config, std: f64) {
+    pub fn inflate(&mut self, config: &Config, std: f64) {
         let noise = self.noise.effective_variance();
         let added = if noise > 0.0 { std * std / noise } else { f64::INFINITY };
         self.covariance = (self.covariance + added).min(config.covariance.1);
@@ -203,7 +202,7 @@ impl<const D: usize> Rls<D> {
 
     /// Takes one sample, `dt` seconds after the one before. `disturbances` are the errors of the
     /// measurement per unit of each constant disturbance whose effect shall be followed.
-    pub fn update(
+    pub fn correct(
         &mut self,
         config: &Config,
         regressor: f64,
@@ -264,13 +263,8 @@ impl<const D: usize> Rls<D> {
         self.covariance * self.noise.effective_variance() + systematic
     }
 
-    /// Whether all numbers are finite and H is positive.
-    pub fn is_sound(&self) -> bool {
-        let Noise { weight, power, lagged, last } = self.noise;
-        let scalars = [self.estimate, self.forgetting, self.innovation, self.sum_ee, self.sum_ey, self.signed_error];
-        let all = scalars.iter().chain(&self.sum_ed).chain(&self.sensitivity);
-        all.chain(&[weight, power, lagged, last]).all(|x| bounded(*x))
-            && bounded(self.covariance)
-            && self.covariance > 0.0
+    /// Whether the numbers, which are finite, can have come from [`correct`](Self::correct).
+    pub fn is_valid(&self) -> bool {
+        self.covariance > 0.0 && self.forgetting > 0.0 && self.noise.weight > 0.0 && self.noise.power >= 0.0
     }
 }

@@ -50,8 +50,8 @@ fn mass_step(bencher: Bencher) {
     bencher.bench_local(|| {
         let x = &inputs[row % inputs.len()];
         row += 1;
-        let drive_force = (x.torque_left + x.torque_right) / 0.0825;
-        let sample = MassSample { drive_force, speed: x.speed, specific_force: f64::NAN };
+        let force = (x.torque_left + x.torque_right) / 0.0825;
+        let sample = MassSample { force, speed: x.speed, specific_force: f64::NAN };
         estimator.step(&mut state, black_box(&sample), PERIOD)
     });
 }
@@ -65,8 +65,8 @@ fn sway_step(bencher: Bencher, imu: bool) {
     bencher.bench_local(|| {
         let x = &inputs[row % inputs.len()];
         row += 1;
-        let drive_force = (x.torque_left + x.torque_right) / 0.0825;
-        let sample = SwaySample { drive_force, yaw_rate: 0.1, channels: [x.speed, x.tilt, x.tilt_rate] };
+        let force = (x.torque_left + x.torque_right) / 0.0825;
+        let sample = SwaySample { force, yaw_rate: 0.1, channels: [x.speed, x.tilt, x.tilt_rate] };
         estimator.step(&mut state, black_box(&sample), 70.0, PERIOD)
     });
 }

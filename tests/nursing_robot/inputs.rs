@@ -3,7 +3,7 @@
 use nalgebra::SMatrix;
 use proptest::prelude::*;
 use wheelstate::estimator::nursing_robot::sway::SwayBelief;
-use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Outputs, Parameters, State, SwayModel};
+use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Outputs, Parameters, SwayModel};
 use wheelstate::filter::sigma_points::cholesky;
 use wheelstate::{Estimator, Status, Variables};
 
@@ -64,7 +64,7 @@ fn check(estimator: &NursingRobot, out: &Outputs) {
     assert!(out.to_vec().iter().all(|x| x.is_finite()), "{out:?}");
     let stds = Outputs::declare().into_iter().zip(out.to_vec()).filter(|(v, _)| v.name.ends_with("_std"));
     stds.for_each(|(v, std)| assert!(std >= 0.0, "{} = {std}", v.name));
-    if let Some((_, state)) = estimator.sway_filter() {
+    if let Some(state) = &estimator.state().machine.sway {
         let good = match state.belief {
             SwayBelief::Two(belief) => definite(&belief.covariance),
             SwayBelief::Three(belief) => definite(&belief.covariance),
@@ -84,20 +84,20 @@ proptest! {
         for parameters in configurations() {
             let mut estimator = NursingRobot::new(&parameters).unwrap();
             let mut out = Outputs::default();
-            for (inputs, dt, ahead) in &samples {
+            for (inputs, dt, horizon) in &samples {
                 estimator.step(inputs, *dt);
-                for ahead in [0.0, ahead.abs()] {
-                    estimator.outputs(inputs, ahead, &mut out);
+                for horizon in [0.0, horizon.abs()] {
+                    estimator.outputs(inputs, horizon, &mut out);
                     check(&estimator, &out);
                 }
             }
             // A sane sample afterwards finds a working filter.
             (0..200).for_each(|_| {
-                estimator.step(&Inputs::default(), 0.01);
+                estimator.step(&standing(), 0.01);
             });
-            estimator.outputs(&Inputs::default(), 0.0, &mut out);
+            estimator.outputs(&standing(), 0.0, &mut out);
             check(&estimator, &out);
-            assert!(!out.status.contains(Status::RECOVERED));
+            assert!(!out.diagnostics.status.contains(Status::RECOVERED));
         }
     }
 
@@ -127,6 +127,13 @@ proptest! {
     }
 }
 
+/// A robot that stands and measures everything.
+fn standing() -> Inputs {
+    let mut inputs = Inputs::default();
+    inputs.read(&[0.0; Inputs::COUNT]);
+    inputs
+}
+
 fn drive(row: usize) -> Inputs {
     let t = row as f64 * 0.01;
     Inputs {
@@ -148,7 +155,7 @@ fn a_stored_state_continues_with_the_same_bits() {
             first.step(&drive(row), 0.01);
         });
         let stored = serde_json::to_value(first.state()).unwrap();
-        let state: State = serde_json::from_value(stored).unwrap();
+        let state: <NursingRobot as Estimator>::State = serde_json::from_value(stored).unwrap();
         let mut second = NursingRobot::new(&parameters).unwrap();
         second.restore(&state).unwrap();
         let (mut a, mut b) = (Outputs::default(), Outputs::default());
@@ -207,7 +214,7 @@ fn states_that_do_not_fit_are_refused_or_harmless() {
     spoilt(&serde_json::to_value(&good).unwrap(), &mut states);
     let mut out = Outputs::default();
     for state in states {
-        let state: State = serde_json::from_value(state).unwrap();
+        let state: <NursingRobot as Estimator>::State = serde_json::from_value(state).unwrap();
         let mut estimator = NursingRobot::new(&Parameters::default()).unwrap();
         if estimator.restore(&state).is_ok() {
             for row in 0..20 {

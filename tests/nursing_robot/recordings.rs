@@ -4,7 +4,7 @@
 use crate::support::median;
 use std::path::{Path, PathBuf};
 use wheelstate::Estimator;
-use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Outputs, Parameters};
+use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Outputs, Parameters, SwayStatus};
 
 /// Motor torque to the torque of one wheel: gear ratio, gear efficiency, two driven wheels.
 const GEAR: f64 = 9.665 * 0.96 / 2.0;
@@ -104,7 +104,7 @@ fn online(trip: &Trip, p: &Parameters) -> (Outputs, Vec<f64>) {
         };
         estimator.step(&inputs, PERIOD);
         estimator.outputs(&inputs, 0.0, &mut outputs);
-        totals.push(p.robot.mass + outputs.load_mass);
+        totals.push(p.robot.mass + outputs.load_mass.value);
     }
     (outputs, totals)
 }
@@ -122,12 +122,12 @@ fn weighs_a_car_while_driving() {
         let end = totals[totals.len() - 1];
         println!(
             "{}: online {end:.0} kg +- {:.0}, reference {mass:.0} kg, rolling {rolling:.4}",
-            trip.name, out.load_mass_std
+            trip.name, out.load_mass.std
         );
         assert!((end / mass - 1.0).abs() < 0.03, "{}: {end} instead of {mass}", trip.name);
-        assert!(out.healthy && !out.mass_implausible, "{}: {}", trip.name, out.status);
+        assert!(out.diagnostics.healthy && !out.mass_implausible, "{}: {}", trip.name, out.diagnostics.status);
         assert!(totals.iter().all(|total| total.is_finite()));
-        normalised.push((end - mass) / out.load_mass_std);
+        normalised.push((end - mass) / out.load_mass.std);
         if trip.name == "TripB33" { &mut heavy } else { &mut ordinary }.push(end);
     }
     assert!(ordinary.iter().all(|total| (1350.0..1570.0).contains(total)), "{ordinary:?}");
@@ -145,7 +145,10 @@ fn a_car_with_the_declared_person_is_weighed_too() {
         let (mass, rolling) = offline(trip);
         let mut p = car(rolling);
         p.human = Parameters::default().human;
-        let (_, totals) = online(trip, &p);
+        let (out, totals) = online(trip, &p);
+        assert!(out.diagnostics.healthy, "{}: {}", trip.name, out.diagnostics.status);
+        assert_eq!(out.sway_status, SwayStatus::Off);
+        assert!(out.body_pitch.std > 0.1 && out.sway_force.std > 0.0, "a body that nothing follows may do anything");
         let end = totals[totals.len() - 1];
         println!("{}: online {end:.0} kg, reference {mass:.0} kg", trip.name);
         assert!((end / mass - 1.0).abs() < 0.06, "{}: {end} instead of {mass}", trip.name);

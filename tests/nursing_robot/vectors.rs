@@ -22,7 +22,7 @@ fn mass_follows(name: &str, law: Law, compensate: bool) {
     let mut state = estimator.start();
     for row in 0..log.rows.len() {
         let sample =
-            MassSample { drive_force: drive_force(&p, &log, row), speed: log.at(row, "v"), specific_force: f64::NAN };
+            MassSample { force: drive_force(&p, &log, row), speed: log.at(row, "v"), specific_force: f64::NAN };
         let status = estimator.step(&mut state, &sample, DT);
         let rls = &state.rls;
         let check = |column: &str, value: f64| {
@@ -70,13 +70,13 @@ fn sway_follows(name: &str, change: impl Fn(&mut Parameters)) {
     for row in 0..log.rows.len() {
         let force = drive_force(&p, &log, row);
         let channels = [log.at(row, "v"), log.at(row, "phi_y"), log.at(row, "gyro_y")];
-        let sample = SwaySample { drive_force: force, yaw_rate: log.at(row, "omega"), channels };
-        let status = estimator.step(&mut state, &sample, log.at(row, "m_h_true"), DT);
+        let sample = SwaySample { force, yaw_rate: log.at(row, "omega"), channels };
+        let done = estimator.step(&mut state, &sample, log.at(row, "m_h_true"), DT);
         let check = |column: &str, value: f64| {
             let reference = expected.at(row, column);
             assert_close(&format!("{name} row {row} {column}"), value, reference, 1e-7, 1e-7);
         };
-        assert_eq!(status as i32, expected.at(row, "status") as i32, "{name} row {row} status");
+        assert_eq!(done.status as i32, expected.at(row, "status") as i32, "{name} row {row} status");
         let (mean, variance): (Vec<f64>, Vec<f64>) = match &state.belief {
             SwayBelief::Two(b) => (b.mean.iter().copied().collect(), b.covariance.diagonal().iter().copied().collect()),
             SwayBelief::Three(b) => {
@@ -99,10 +99,10 @@ fn sway_follows(name: &str, change: impl Fn(&mut Parameters)) {
             }
         }
         check("kq", state.scale.scale);
-        check("nis", state.nis);
+        check("nis", done.innovation.nis);
         let estimate = estimator.estimate(&state, f64::NAN, 0.0);
-        check("F_phi", estimate.force);
-        check("tau_hip", estimate.torque);
+        check("F_phi", estimate.force.value);
+        check("tau_hip", estimate.torque.value);
     }
 }
 
@@ -119,7 +119,7 @@ fn sway_with_the_printed_model_in_corrected_units() {
 #[test]
 fn sway_with_the_sound_model_and_fixed_noise() {
     sway_follows("ukf_sound_fixed", |p| {
-        (p.sway.model, p.sway.adaptive, p.sway.hip_torque_noise) = (SwayModel::Sound, false, 2.0);
+        (p.sway.model, p.sway.adaptive, p.sway.process_psd.hip_torque) = (SwayModel::Sound, false, 2.0);
     });
 }
 
@@ -152,8 +152,8 @@ fn the_estimator_as_declared_gives_the_reference_masses() {
         estimator.outputs(&inputs, 0.0, &mut out);
         let mass = expected.at(row, "m_h");
         assert_eq!(out.mass_valid, mass.is_finite(), "row {row}");
-        assert_close(&format!("row {row}"), out.load_mass, if mass.is_nan() { 70.0 } else { mass }, 1e-9, 1e-9);
-        assert_eq!(out.mass_status, expected.at(row, "status") as i32, "row {row}");
+        assert_close(&format!("row {row}"), out.load_mass.value, if mass.is_nan() { 70.0 } else { mass }, 1e-9, 1e-9);
+        assert_eq!(out.mass_status as i32, expected.at(row, "status") as i32, "row {row}");
         assert_close("forgetting", out.forgetting_factor, expected.at(row, "lambda"), 1e-9, 1e-9);
     }
 }

@@ -21,22 +21,22 @@ pub struct Candidate {
     pub power: bool,
 }
 
-/// Whether a parameter is a noise setting by its name, and then whether it is of a measurement.
-fn noise(name: &str) -> Option<bool> {
+/// Whether a parameter is a noise setting, and then whether it is of a measurement.
+fn noise(variable: &Variable) -> Option<bool> {
+    if variable.measurement_noise || variable.process_noise {
+        return Some(variable.measurement_noise);
+    }
+    let name = &variable.name;
     if name.starts_with("filter.measurement") {
         return Some(true);
     }
     if name.starts_with("filter.process") {
         return Some(false);
     }
-    if let Some(own) = name.strip_prefix("variance.") {
-        // the rest says how exactly the equations hold and what is known without sensors
-        let of_model = ["equation", "prior", "no_contact"].iter().any(|word| own.starts_with(word));
-        return (!of_model).then_some(true);
-    }
-    let own = name.strip_prefix("sway.").filter(|own| !own.starts_with("start"))?;
-    let (of_measurement, of_process) = (own.ends_with("_std"), own.contains("_noise"));
-    (of_measurement || of_process).then_some(of_measurement)
+    // the rest says how exactly the equations hold and what is known without sensors
+    let own = name.strip_prefix("variance.")?;
+    let of_model = ["equation", "prior", "no_contact"].iter().any(|word| own.starts_with(word));
+    (!of_model).then_some(true)
 }
 
 /// The noise settings among an estimator's parameters with search intervals around their start values.
@@ -54,7 +54,7 @@ pub fn candidates(
     };
     let usable = |(index, variable): (usize, &Variable)| {
         let start = base[index];
-        let measurement = noise(&variable.name).filter(|_| variable.kind == Kind::Real && start > 0.0)?;
+        let measurement = noise(variable).filter(|_| variable.kind == Kind::Real && start > 0.0)?;
         let power = is_power(variable);
         let square = if power { 2 } else { 1 };
         let usual = if measurement { MEASUREMENT_SHARE } else { PROCESS_SHARE }.powi(square) * start;

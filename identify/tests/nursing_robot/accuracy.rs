@@ -20,7 +20,7 @@ impl MassRun {
         let run = simulated(scenario, seed, &[]);
         let outputs = estimates(&run.log, &run.assumed);
         let truth = run.log.channel("true_load_mass").unwrap();
-        let error = outputs.iter().zip(truth).map(|(o, t)| (o.load_mass / t - 1.0) * 100.0).collect();
+        let error = outputs.iter().zip(truth).map(|(o, t)| (o.load_mass.value / t - 1.0) * 100.0).collect();
         Self { time: run.log.time, error, outputs }
     }
 
@@ -45,13 +45,13 @@ impl MassRun {
     /// Whether the error at the end lies within two reported standard deviations.
     fn covered(&self) -> bool {
         let end = &self.outputs[self.outputs.len() - 1];
-        let truth = end.load_mass / (1.0 + self.error[self.error.len() - 1] / 100.0);
-        (end.load_mass - truth).abs() <= 2.0 * end.load_mass_std
+        let truth = end.load_mass.value / (1.0 + self.error[self.error.len() - 1] / 100.0);
+        (end.load_mass.value - truth).abs() <= 2.0 * end.load_mass.std
     }
 
     fn std_percent(&self) -> f64 {
         let end = &self.outputs[self.outputs.len() - 1];
-        end.load_mass_std / end.load_mass * 100.0
+        end.load_mass.std / end.load_mass.value * 100.0
     }
 }
 
@@ -116,8 +116,8 @@ fn pitch(scenario: &str, from: f64, change: impl Fn(&mut Parameters)) -> (Vec<f6
         let outputs = estimates(&run.log, &parameters);
         let truth = run.log.channel("true_body_pitch").unwrap();
         let start = (from / PERIOD) as usize;
-        let error = |i: usize| outputs[i].body_pitch - truth[i];
-        let inside = (start..truth.len()).filter(|&i| error(i).abs() <= 2.0 * outputs[i].body_pitch_std).count();
+        let error = |i: usize| outputs[i].body_pitch.value - truth[i];
+        let inside = (start..truth.len()).filter(|&i| error(i).abs() <= 2.0 * outputs[i].body_pitch.std).count();
         (1e3 * rms((start..truth.len()).map(error)), inside as f64 / (truth.len() - start) as f64)
     };
     (0..SEEDS).map(run).unzip()
@@ -162,14 +162,14 @@ fn a_sway_that_only_explains_a_wrong_mass_is_not_healthy() {
         let run = simulated("load-drop", seed, &[]);
         let truth = run.log.channel("true_body_pitch").unwrap();
         for (out, truth) in estimates(&run.log, &run.assumed).iter().zip(truth) {
-            if (out.body_pitch - truth).abs() > 0.4 {
-                absurd = (absurd.0 + 1, absurd.1 + usize::from(!out.healthy));
+            if (out.body_pitch.value - truth).abs() > 0.4 {
+                absurd = (absurd.0 + 1, absurd.1 + usize::from(!out.diagnostics.healthy));
             }
         }
         for scenario in ["smooth-start", "abrupt-start", "coughs", "lean", "release", "disturbed"] {
             let run = simulated(scenario, seed, &[]);
             let outputs = estimates(&run.log, &run.assumed);
-            let flagged = outputs.iter().filter(|out| out.status.contains(Status::CONTRADICTED)).count();
+            let flagged = outputs.iter().filter(|out| out.diagnostics.status.contains(Status::CONTRADICTED)).count();
             assert!(flagged == 0, "{scenario} {seed}: {flagged} samples");
         }
     }
@@ -188,7 +188,7 @@ fn u5_a_kept_lean_is_not_claimed_from_wheels_alone() {
     assert_eq!(median(&error), median(&with_posture_known), "the posture's uncertainty enters the std only");
     let run = simulated("lean", 0, &[]);
     let outputs = estimates(&run.log, &run.assumed);
-    assert!(outputs.iter().all(|o| o.body_pitch_std > 0.05), "the std must contain the unknown posture");
+    assert!(outputs.iter().all(|o| o.body_pitch.std > 0.05), "the std must contain the unknown posture");
 }
 
 /// The source's own filter is worse than answering zero; documented so that nobody chooses it.

@@ -3,7 +3,8 @@
 use super::drive::{PERIOD, inputs, rms, simulated};
 use nalgebra::SMatrix;
 use wheelstate::estimator::nursing_robot::sway::SwayBelief;
-use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Outputs};
+use wheelstate::estimator::nursing_robot::{Inputs, MassStatus, NursingRobot, Outputs};
+use wheelstate::variable::Estimate;
 use wheelstate::{Estimator, Status, Variables};
 
 const MASS: f64 = 70.0;
@@ -12,6 +13,8 @@ const START: usize = 50;
 
 /// What a run gave.
 struct Outcome {
+    /// What every step returned.
+    statuses: Vec<Status>,
     outputs: Vec<Outputs>,
     /// Root mean square and largest error of the pitch, mrad.
     pitch_rms: f64,
@@ -20,7 +23,7 @@ struct Outcome {
 
 impl Outcome {
     fn mass(&self) -> f64 {
-        self.end().load_mass
+        self.end().load_mass.value
     }
 
     fn end(&self) -> &Outputs {
@@ -28,7 +31,7 @@ impl Outcome {
     }
 
     fn count(&self, status: Status) -> usize {
-        self.outputs.iter().filter(|o| o.status.contains(status)).count()
+        self.statuses.iter().filter(|said| said.contains(status)).count()
     }
 }
 
@@ -42,18 +45,18 @@ fn drive(spoil: impl Fn(usize, &mut Inputs, &mut f64) -> bool) -> Outcome {
     let run = simulated("smooth-start", 0, &[("plant.draw_patient", 0.0), ("human.nominal_mass", MASS)]);
     let truth = run.log.channel("true_body_pitch").unwrap();
     let mut estimator = NursingRobot::new(&run.assumed).unwrap();
-    let (mut outcome, mut errors, mut out) = (Vec::new(), Vec::new(), Outputs::default());
+    let (mut statuses, mut outputs, mut errors, mut out) = (Vec::new(), Vec::new(), Vec::new(), Outputs::default());
     for (row, sample) in inputs(&run.log).iter().enumerate() {
         let (mut sample, mut dt) = (sample.clone(), PERIOD);
         if !spoil(row, &mut sample, &mut dt) {
             continue;
         }
-        estimator.step(&sample, dt);
-        for ahead in [0.0, 0.004] {
-            estimator.outputs(&sample, ahead, &mut out);
+        statuses.push(estimator.step(&sample, dt));
+        for horizon in [0.0, 0.004] {
+            estimator.outputs(&sample, horizon, &mut out);
             assert!(out.to_vec().iter().all(|x| x.is_finite()), "row {row}: {out:?}");
         }
-        let definite = match estimator.sway_filter().unwrap().1.belief {
+        let definite = match estimator.state().machine.sway.unwrap().belief {
             SwayBelief::Two(belief) => positive_definite(&belief.covariance),
             SwayBelief::Three(belief) => positive_definite(&belief.covariance),
             SwayBelief::Four(belief) => positive_definite(&belief.covariance),
@@ -61,12 +64,12 @@ fn drive(spoil: impl Fn(usize, &mut Inputs, &mut f64) -> bool) -> Outcome {
         assert!(definite, "row {row}: covariance not positive definite");
         estimator.outputs(&sample, 0.0, &mut out);
         if row >= START {
-            errors.push(1e3 * (out.body_pitch - truth[row]));
+            errors.push(1e3 * (out.body_pitch.value - truth[row]));
         }
-        outcome.push(out.clone());
+        outputs.push(out.clone());
     }
     let pitch_max = errors.iter().fold(0.0f64, |max, e| max.max(e.abs()));
-    Outcome { outputs: outcome, pitch_rms: rms(errors.into_iter()), pitch_max }
+    Outcome { statuses, outputs, pitch_rms: rms(errors.into_iter()), pitch_max }
 }
 
 #[track_caller]
@@ -81,16 +84,16 @@ fn near(outcome: &Outcome, mass_percent: f64, pitch_mrad: f64) {
 #[track_caller]
 fn flagged(outcome: &Outcome) {
     let end = outcome.end();
-    println!("mass {:.1} kg, pitch {:.0} mrad rms", end.load_mass, outcome.pitch_rms);
-    assert!(end.mass_implausible && !end.healthy, "not flagged: {end:?}");
-    assert!(end.status.contains(Status::AT_BOUND));
+    println!("mass {:.1} kg, pitch {:.0} mrad rms", end.load_mass.value, outcome.pitch_rms);
+    assert!(end.mass_implausible && !end.diagnostics.healthy, "not flagged: {end:?}");
+    assert!(end.diagnostics.status.contains(Status::AT_BOUND));
 }
 
 #[test]
 fn nothing_wrong() {
     let outcome = drive(|_, _, _| true);
     near(&outcome, 2.0, 4.0);
-    assert!(outcome.end().healthy);
+    assert!(outcome.end().diagnostics.healthy);
     assert_eq!(outcome.count(Status::MISSING), 0);
 }
 
@@ -101,9 +104,10 @@ fn zero_speed() {
         true
     });
     let end = outcome.end();
-    assert!(!end.mass_valid && !end.healthy && end.load_mass == MASS && end.mass_status == 2);
-    assert!(end.status.contains(Status::STANDSTILL) && end.status.contains(Status::UNOBSERVABLE));
-    assert!(end.load_mass_std >= 10.0, "an unknown mass has a large standard deviation");
+    assert!(!end.mass_valid && !end.diagnostics.healthy && end.load_mass.value == MASS);
+    assert_eq!(end.mass_status, MassStatus::NotMoving);
+    assert!(end.diagnostics.status.contains(Status::STANDSTILL | Status::UNOBSERVABLE));
+    assert!(end.load_mass.std >= 10.0, "an unknown mass has a large standard deviation");
 }
 
 #[test]
@@ -146,9 +150,9 @@ fn one_speed_missing() {
     });
     near(&outcome, 3.0, 4.0);
     assert_eq!(outcome.count(Status::MISSING), 1);
-    let statuses: Vec<i32> = outcome.outputs.iter().map(|o| o.mass_status).collect();
-    assert_eq!(statuses.iter().filter(|&&s| s == 5).count(), 1);
-    assert!((39..=41).contains(&statuses.iter().filter(|&&s| s == 6).count()), "held for 0.4 s");
+    let statuses: Vec<MassStatus> = outcome.outputs.iter().map(|o| o.mass_status).collect();
+    assert_eq!(statuses.iter().filter(|&&s| s == MassStatus::Bad).count(), 1);
+    assert!((39..=41).contains(&statuses.iter().filter(|&&s| s == MassStatus::Blocked).count()), "held for 0.4 s");
 }
 
 #[test]
@@ -168,7 +172,7 @@ fn five_torques_missing() {
         true
     });
     near(&outcome, 3.0, 5.0);
-    assert_eq!(outcome.count(Status::MISSING | Status::HELD_INPUT), 5);
+    assert_eq!(outcome.count(Status::MISSING | Status::HELD_INPUT), 5, "the sway filter holds the force");
 }
 
 #[test]
@@ -191,9 +195,12 @@ fn a_gap_restarts_the_filters_and_keeps_the_mass() {
         near(&outcome, 7.0, 25.0);
         assert_eq!(outcome.count(Status::BAD_STEP | Status::RESTARTED), 1);
         assert_eq!(outcome.outputs[170].load_mass, outcome.outputs[169].load_mass);
-        assert!(!outcome.outputs[170].healthy && outcome.outputs[175].healthy);
-        let statuses: Vec<i32> = outcome.outputs[170..200].iter().map(|o| o.mass_status).collect();
-        assert!(statuses[0] == 5 && statuses[1..].iter().all(|&s| s == 6), "{statuses:?}");
+        assert!(!outcome.outputs[170].diagnostics.healthy && outcome.outputs[175].diagnostics.healthy);
+        let statuses: Vec<MassStatus> = outcome.outputs[170..200].iter().map(|o| o.mass_status).collect();
+        assert!(
+            statuses[0] == MassStatus::Bad && statuses[1..].iter().all(|&s| s == MassStatus::Blocked),
+            "{statuses:?}"
+        );
     }
 }
 
@@ -211,7 +218,8 @@ fn steps_that_are_none_change_nothing() {
     // Three samples of the ramp are lost, and the filters cannot know it.
     near(&outcome, 9.0, 45.0);
     assert_eq!(outcome.count(Status::BAD_STEP), 3);
-    let held: Vec<(f64, f64)> = outcome.outputs[149..153].iter().map(|o| (o.load_mass, o.body_pitch)).collect();
+    let held: Vec<(Estimate, Estimate)> =
+        outcome.outputs[149..153].iter().map(|o| (o.load_mass, o.body_pitch)).collect();
     assert!(held.iter().all(|h| *h == held[0]), "{held:?}");
 }
 
@@ -257,13 +265,52 @@ fn infinite_is_missing_and_says_so() {
     assert_eq!(outcome.count(Status::INFINITE), 2);
 }
 
-/// A log without yaw rate: straight drive, and no alarm for it.
+/// A log without yaw rate: straight drive, which is said and no alarm.
 #[test]
-fn absent_yaw_rate_raises_nothing() {
+fn without_a_yaw_rate_the_robot_drives_straight() {
     let outcome = drive(|_, x, _| {
         x.yaw_rate = f64::NAN;
         true
     });
     near(&outcome, 2.0, 4.0);
-    assert_eq!(outcome.count(Status::MISSING), 0);
+    assert!(outcome.end().diagnostics.healthy);
+    assert_eq!((outcome.count(Status::MISSING), outcome.count(Status::HELD_INPUT)), (0, 0));
+    assert_eq!(outcome.count(Status::NEVER_SET), outcome.statuses.len());
+}
+
+/// What a host gets wrong: units and signs. The speeds contradict the model, and nothing ever passes as healthy.
+#[test]
+fn wrong_units_and_signs_are_contradicted() {
+    type Spoil = fn(&mut Inputs);
+    let cases: [(&str, Spoil); 6] = [
+        ("speed in km/h", |x| x.speed *= 3.6),
+        ("speed in rad/s of the wheels", |x| x.speed /= 0.0825),
+        ("speed backward", |x| x.speed = -x.speed),
+        ("torque of the motors before a gear of 1:20", |x| {
+            (x.torque_left, x.torque_right) = (x.torque_left / 20.0, x.torque_right / 20.0)
+        }),
+        ("torque backward", |x| (x.torque_left, x.torque_right) = (-x.torque_left, -x.torque_right)),
+        ("torque of one side backward", |x| x.torque_left = -x.torque_left),
+    ];
+    for (what, spoil) in cases {
+        let outcome = drive(|_, x, _| {
+            spoil(x);
+            true
+        });
+        let healthy = outcome.outputs.iter().filter(|o| o.diagnostics.healthy).count();
+        println!(
+            "{what}: healthy {healthy}, contradicted {}, at bound {}, implausible {} of {}, {:.0} kg",
+            outcome.count(Status::CONTRADICTED),
+            outcome.count(Status::AT_BOUND),
+            outcome.count(Status::IMPLAUSIBLE),
+            outcome.outputs.len(),
+            outcome.mass()
+        );
+        assert_eq!(healthy, 0, "{what}");
+        assert!(
+            outcome.count(Status::CONTRADICTED) > 600
+                && outcome.end().diagnostics.status.contains(Status::CONTRADICTED),
+            "{what}"
+        );
+    }
 }

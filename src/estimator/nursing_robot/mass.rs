@@ -15,40 +15,19 @@
 
 use super::Parameters;
 use super::parameters::{Law, LoadChange};
-use crate::filter::bounded;
+use super::status::MassStatus;
 use crate::filter::critically_damped::{CriticallyDamped, Transition};
 use crate::filter::discretise::runge_kutta;
 use crate::filter::rls::{Config, Forgetting, Rls, Verdict};
-use crate::model::nursing_robot::{Aero, GRAVITY, SmallSway};
+use crate::model::nursing_robot::{GRAVITY, SmallSway};
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
-
-/// What happened in the last step; the numbers are the output `mass_status`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[repr(u8)]
-pub enum MassStatus {
-    /// The estimate was updated.
-    Updated = 0,
-    /// The sample went into the pool of the first estimate.
-    Pooling = 1,
-    /// Too slow.
-    #[default]
-    NotMoving = 2,
-    /// The acceleration tells nothing about the mass.
-    NotExcited = 3,
-    /// Slip: prediction error too large.
-    Rejected = 4,
-    /// Missing sample or unusable step.
-    Bad = 5,
-    /// Held for a while after `Rejected` or `Bad`.
-    Blocked = 6,
-}
 
 /// What one step needs; NaN is missing.
 #[derive(Clone, Copy, Debug)]
 pub struct MassSample {
-    /// Drive force `eta (tau_l + tau_r) / r`, N.
-    pub drive_force: f64,
+    /// Drive force `eta (tau_l + tau_r) / r` without the air drag, N.
+    pub force: f64,
     /// Forward speed, m/s.
     pub speed: f64,
     /// Longitudinal specific force, m/s2; only used if configured.
@@ -63,7 +42,6 @@ pub struct MassEstimator {
     rotating_mass: f64,
     rolling: f64,
     inverse_smoothing: f64,
-    aero: Aero,
     use_accelerometer: bool,
     /// The sway that is compensated, if any.
     sway: Option<SmallSway>,
@@ -74,7 +52,6 @@ pub struct MassEstimator {
     /// If the load changes at long stops only: how much, kg.
     change_std: Option<f64>,
     block_time: f64,
-    longest_step: f64,
     uncertainty: [f64; 3],
     nominal: (f64, f64),
 }
@@ -100,8 +77,8 @@ pub struct MassState {
     stopped_for: f64,
     blocked_for: f64,
     at_bound_for: f64,
-    /// Running means of regressor times innovation and of the squared regressor.
-    pull: [f64; 2],
+    /// Running means of regressor times innovation (the score) and of the squared regressor.
+    score: [f64; 2],
 }
 
 /// Time of updates at a bound after which the estimate is called implausible, s.
@@ -141,7 +118,6 @@ impl MassEstimator {
             rotating_mass: p.robot.rotating_mass(),
             rolling: p.rolling.coefficient * GRAVITY,
             inverse_smoothing: 1.0 / p.rolling.smoothing_speed,
-            aero: p.aero,
             use_accelerometer: m.use_accelerometer,
             sway: SmallSway::new(&p.human, p.human.nominal_mass).filter(|_| m.compensate_sway),
             cutoff: m.cutoff,
@@ -150,7 +126,6 @@ impl MassEstimator {
             stop_time: if at_stops { m.change_time } else { m.stop_time },
             change_std: at_stops.then_some(m.change_std),
             block_time: m.block_time,
-            longest_step: p.longest_step(),
             uncertainty: [m.rolling_uncertainty, m.force_uncertainty, m.sway_uncertainty],
             nominal: (p.human.nominal_mass, p.human.nominal_mass_std),
         }
@@ -173,7 +148,7 @@ impl MassEstimator {
             stopped_for: 0.0,
             blocked_for: 0.0,
             at_bound_for: 0.0,
-            pull: [0.0; 2],
+            score: [0.0; 2],
         }
     }
 
@@ -183,22 +158,16 @@ impl MassEstimator {
         state.status
     }
 
+    /// After a gap that the filters cannot bridge: they start anew and the mass is held for a while.
+    pub fn bridge_gap(&self, state: &mut MassState, sample: &MassSample) {
+        state.seeded |= self.hold(state, sample);
+        self.seed(state);
+        state.blocked_for = self.block_time;
+        state.status = MassStatus::Bad;
+    }
+
     fn advance(&self, state: &mut MassState, sample: &MassSample, dt: f64) -> MassStatus {
-        // Written so that a NaN step fails too.
-        if !(dt > 0.0 && dt.is_finite()) {
-            return MassStatus::Bad;
-        }
-        let specific = if self.use_accelerometer { sample.specific_force } else { 0.0 };
-        let good = sample.drive_force.is_finite() && sample.speed.is_finite() && specific.is_finite();
-        if good {
-            state.held = [sample.speed, sample.drive_force - self.aero.drag(sample.speed), specific];
-        }
-        if dt > self.longest_step {
-            state.seeded = state.seeded || good;
-            self.seed(state);
-            state.blocked_for = self.block_time;
-            return MassStatus::Bad;
-        }
+        let good = self.hold(state, sample);
         if !state.seeded {
             if !good {
                 return MassStatus::Bad;
@@ -207,19 +176,7 @@ impl MassEstimator {
             self.seed(state);
         }
         self.filter(state, dt);
-
-        let moving = state.speed.value.abs() > self.minimum_speed;
-        if moving {
-            if state.stopped_for >= self.stop_time {
-                match self.change_std {
-                    Some(std) if state.rls.valid => state.rls.loosen(&self.rls, std),
-                    _ => state.rls.reopen(&self.rls),
-                }
-            }
-            state.stopped_for = 0.0;
-        } else {
-            state.stopped_for += dt;
-        }
+        let moving = self.watch_stops(state, dt);
         state.blocked_for = if good { (state.blocked_for - dt).max(0.0) } else { self.block_time };
 
         let acceleration = self.acceleration(state);
@@ -234,16 +191,44 @@ impl MassEstimator {
         } else if !excited {
             MassStatus::NotExcited
         } else {
-            self.update(state, dt)
+            self.correct(state, dt)
         }
     }
 
-    fn update(&self, state: &mut MassState, dt: f64) -> MassStatus {
+    /// Takes over a sample that is complete; the last one holds otherwise. Returns whether it was complete.
+    fn hold(&self, state: &mut MassState, sample: &MassSample) -> bool {
+        let specific = if self.use_accelerometer { sample.specific_force } else { 0.0 };
+        let good = sample.force.is_finite() && sample.speed.is_finite() && specific.is_finite();
+        if good {
+            state.held = [sample.speed, sample.force, specific];
+        }
+        good
+    }
+
+    /// A stop that is long enough lets the load change: what is known of it is given up at the next start. Returns
+    /// whether the machine moves.
+    fn watch_stops(&self, state: &mut MassState, dt: f64) -> bool {
+        let moving = state.speed.value.abs() > self.minimum_speed;
+        if !moving {
+            state.stopped_for = (state.stopped_for + dt).min(1e9);
+            return false;
+        }
+        if state.stopped_for >= self.stop_time {
+            match self.change_std {
+                Some(std) if state.rls.valid => state.rls.inflate(&self.rls, std),
+                _ => state.rls.reset_covariance(&self.rls),
+            }
+        }
+        state.stopped_for = 0.0;
+        true
+    }
+
+    fn correct(&self, state: &mut MassState, dt: f64) -> MassStatus {
         let total = self.mass + state.rls.estimate;
         let resistance = total * self.rolling * state.sign.value;
         let sway = self.sway.map_or(0.0, |sway| state.rls.estimate * self.reaction(&sway, state));
         let disturbances = [-resistance, state.force.value, sway];
-        let verdict = state.rls.update(&self.rls, state.regressor, state.measurement, &disturbances, dt);
+        let verdict = state.rls.correct(&self.rls, state.regressor, state.measurement, &disturbances, dt);
         if verdict == Verdict::Rejected {
             state.blocked_for = self.block_time;
             // At a bound a rejection is no slip but the same contradiction, and it silences the updates.
@@ -257,13 +242,13 @@ impl MassEstimator {
     }
 
     /// An empty machine sits at the bound zero and is no cause for alarm; forces that ask for a mass far
-    /// beyond the bound are.
+    /// beyond the bound are. The score over the mean squared regressor is how far they ask beyond it, kg.
     fn watch_bound(&self, state: &mut MassState, dt: f64) {
         let share = 1.0 - (-dt / BOUND_TIME).exp();
         let e = state.regressor;
-        state.pull[0] += share * (e * state.rls.innovation - state.pull[0]);
-        state.pull[1] += share * (e * e - state.pull[1]);
-        let beyond = state.pull[0].abs() > BOUND_MARGIN * self.mass * state.pull[1];
+        state.score[0] += share * (e * state.rls.innovation - state.score[0]);
+        state.score[1] += share * (e * e - state.score[1]);
+        let beyond = state.score[0].abs() > BOUND_MARGIN * self.mass * state.score[1];
         let stuck = state.rls.at_bound(&self.rls) && beyond;
         state.at_bound_for = if stuck { (state.at_bound_for + dt).min(1e3) } else { 0.0 };
     }
@@ -326,14 +311,5 @@ impl MassState {
     /// Whether the estimate has sat at its bound for longer than half a second of updates.
     pub fn implausible(&self) -> bool {
         self.at_bound_for > BOUND_TIME
-    }
-
-    /// Whether all numbers are finite.
-    pub fn is_sound(&self) -> bool {
-        let filters = [self.speed, self.force, self.sign, self.specific];
-        let numbers = [self.regressor, self.measurement, self.stopped_for, self.blocked_for, self.at_bound_for];
-        self.rls.is_sound()
-            && filters.iter().all(|f| bounded(f.value) && bounded(f.rate))
-            && numbers.iter().chain(&self.held).chain(&self.sway).chain(&self.pull).all(|x| bounded(*x))
     }
 }

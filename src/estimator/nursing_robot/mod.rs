@@ -9,199 +9,121 @@
 //! rolling coefficient that is 10 % wrong costs about 2 % of a person's mass; `load_mass_std` contains
 //! that.
 //!
+//! # When it says that it is wrong
+//! The innovations are those of the sway filter: `contradicted` says that a mass, a rolling coefficient, a
+//! torque scale or a unit is wrong and the body leans only to explain it. Where that filter is [off](sway)
+//! forces that ask for a mass beyond its bounds say so (`at-bound`, `mass_implausible`).
+//!
 //! # Frame
 //! Origin: midpoint of the driven axle projected on the floor; x forward, y left, z up. See
 //! [`crate::model::nursing_robot`] for angles, signs and errata of the source.
 
+mod centre_of_gravity;
 pub mod mass;
 mod parameters;
-mod readout;
+mod status;
 pub mod sway;
+mod variables;
 
 pub use parameters::*;
+pub use status::{MassStatus, SwayStatus};
+pub use variables::{Inputs, Outputs};
 
-use crate::estimator::{Estimator, StateError};
-use crate::filter::bounded;
-use crate::model::nursing_robot::CentreOfGravity;
-use crate::variable::Variable;
-use crate::{ParameterError, Status, Variables};
-use mass::{MassEstimator, MassSample, MassState, MassStatus};
+use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
+use crate::filter::innovation::Innovation;
+use crate::variable::Estimate;
+use crate::{ParameterError, Status};
+use mass::{MassEstimator, MassSample, MassState};
 use serde::{Deserialize, Serialize};
-use sway::{SwayEstimate, SwayEstimator, SwaySample, SwayState, SwayStatus};
+use sway::{SwayEstimate, SwayEstimator, SwaySample, SwayState};
 
-impl Parameters {
-    /// Longest step that the filters bridge, s; a rounding error longer than 1.5 sample periods is not
-    /// taken for a gap.
-    pub fn longest_step(&self) -> f64 {
-        self.limit.step.max(1.5 * self.sample_period) * (1.0 + 1e-9)
-    }
+/// The estimator; see the [module](self).
+pub type NursingRobot = Sampled<NursingMachine>;
 
-    /// Checks what single ranges cannot.
-    fn check_together(&self) -> Result<(), ParameterError> {
-        let (human, mass) = (&self.human, self.human.nominal_mass);
-        let toppling = human.toppling_stiffness(mass);
-        let refuse = |name: &str, reason: String| {
-            let declared = Self::declare();
-            let index = declared.iter().position(|v: &Variable| v.name == name).unwrap_or(0);
-            Err(declared[index].refuse(self.to_vec()[index], reason))
-        };
-        if human.hip_inertia(mass) > 0.0 && human.stiffness_pitch <= toppling {
-            let reason = format!(
-                "does not hold the body upright: it must exceed {toppling:.1} N.m/rad, the moment of gravity per angle"
-            );
-            return refuse("human.stiffness_pitch", reason);
-        }
-        if self.mass.forgetting_fast > self.mass.forgetting_slow {
-            return refuse("mass.forgetting_fast", "must not exceed mass.forgetting_slow".to_owned());
-        }
-        if self.mass.error_low >= self.mass.error_high {
-            return refuse("mass.error_low", "must be below mass.error_high".to_owned());
-        }
-        if self.mass.covariance_low > self.mass.covariance_high {
-            return refuse("mass.covariance_low", "must not exceed mass.covariance_high".to_owned());
-        }
-        if self.robot.mass + self.limit.load_mass_low <= 0.0 {
-            return refuse("limit.load_mass_low", "leaves no mass: it must be above -robot.mass".to_owned());
-        }
-        Ok(())
-    }
+/// Everything that a step changes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// The last measured speed and how far it may have changed since.
+    speed: Estimate,
+    /// The mass filter.
+    pub mass: MassState,
+    /// The sway filter, unless it is off.
+    pub sway: Option<SwayState>,
 }
 
-/// The estimator; see the module's page.
+/// The robot's models and filters, under the rules of [`Sampled`].
 #[derive(Clone, Debug)]
-pub struct NursingRobot {
+pub struct NursingMachine {
     parameters: Parameters,
     mass: MassEstimator,
     sway: Option<SwayEstimator>,
-    state: State,
+    /// What is known of the body while the sway filter is off.
+    unobserved: SwayEstimate,
 }
 
-/// Everything that the steps change.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct State {
-    started: bool,
-    status: Status,
-    speed: f64,
-    mass: MassState,
-    sway: Option<SwayState>,
-}
+/// How fast a speed may change that is not measured, m/s2.
+const UNKNOWN_ACCELERATION: f64 = 5.0;
 
-/// Inputs with the implausible ones taken out.
-struct Screened {
-    drive_force: f64,
-    air_drag: f64,
-    speed: f64,
-    yaw_rate: f64,
-    tilt: f64,
-    tilt_rate: f64,
-    accel_x: f64,
-}
+impl NursingMachine {
+    /// The mass filter.
+    pub fn mass(&self) -> &MassEstimator {
+        &self.mass
+    }
 
-/// Largest plausible tilt, rad; rates, rad/s; and specific force, m/s2.
-const PLAUSIBLE: (f64, f64, f64) = (1.6, 50.0, 100.0);
+    /// The sway filter, unless it is off.
+    pub fn sway(&self) -> Option<&SwayEstimator> {
+        self.sway.as_ref()
+    }
 
-impl NursingRobot {
-    /// Takes out what cannot be a sample, and says so. A channel that is not used may be missing.
-    fn screen(&self, inputs: &Inputs, status: &mut Status) -> Screened {
-        let p = &self.parameters;
-        let mut take = |value: f64, limit: f64, wanted: bool| {
-            status.raise_if(value.is_infinite(), Status::INFINITE);
-            status.raise_if(value.is_nan() && wanted, Status::MISSING);
-            let implausible = value.is_finite() && value.abs() > limit;
-            status.raise_if(implausible && wanted, Status::IMPLAUSIBLE);
-            if value.is_finite() && !implausible { value } else { f64::NAN }
+    /// Drive force without the air drag at the last measured speed, N; NaN without a torque.
+    fn net_force(&self, state: &State, inputs: &Inputs) -> f64 {
+        let drive = self.parameters.robot.drive_force(inputs.torque_left, inputs.torque_right);
+        drive - self.parameters.aero.drag(state.speed.value)
+    }
+
+    /// Takes over a measured speed, or lets the last one age.
+    fn watch_speed(&self, state: &mut State, speed: f64, seconds: f64) {
+        state.speed = match speed.is_nan() {
+            false => Estimate::new(speed, self.parameters.sway.measurement_std.speed),
+            true => {
+                let std = state.speed.std + UNKNOWN_ACCELERATION * seconds;
+                Estimate::new(state.speed.value, std.min(self.parameters.limit.speed.max(state.speed.std)))
+            }
         };
-        let left = take(inputs.torque_left, p.limit.torque, true);
-        let right = take(inputs.torque_right, p.limit.torque, true);
-        let speed = take(inputs.speed, p.limit.speed, true);
-        let (tilt, rate, force) = PLAUSIBLE;
-        // identification alone reads the roll
-        take(inputs.roll, tilt, false);
-        take(inputs.roll_rate, rate, false);
-        Screened {
-            drive_force: p.robot.drive_force(left, right),
-            air_drag: p.aero.drag(speed),
-            speed,
-            yaw_rate: take(inputs.yaw_rate, rate, false),
-            tilt: take(inputs.tilt, tilt, p.sway.use_tilt),
-            tilt_rate: take(inputs.tilt_rate, rate, p.sway.use_tilt_rate),
-            accel_x: take(inputs.accel_x, force, p.mass.use_accelerometer),
+    }
+
+    /// Passes a sample on to the sway filter. Returns its innovation and what must be said of it.
+    fn follow_sway(&self, state: &mut State, sample: &SwaySample, elapsed: Elapsed) -> (Innovation<3>, Status) {
+        let (Some(filter), Some(sway)) = (&self.sway, &mut state.sway) else {
+            return (Innovation::none(), Status::OK);
+        };
+        let mut status = Status::OK;
+        status.raise_if(sample.force.is_nan() && sway.has_force(), Status::HELD_INPUT);
+        let mass = state.mass.rls.estimate;
+        match elapsed {
+            Elapsed::First => filter.restart(sway, sample, mass),
+            Elapsed::Gap(_) => {
+                filter.restart(sway, sample, mass);
+                return (Innovation::none(), status);
+            }
+            Elapsed::Step(_) => {}
         }
-    }
-
-    /// Net force for the sway filter: air drag at the last known speed if it is not measured now.
-    fn sway_force(&self, sample: &Screened) -> f64 {
-        sample.drive_force - if sample.air_drag.is_nan() { 0.0 } else { sample.air_drag }
-    }
-
-    /// The mass to go on with, kg.
-    fn load_mass(&self) -> f64 {
-        self.state.mass.rls.estimate
-    }
-
-    /// The mass estimator and its state, for those who want every number of the recursion.
-    pub fn mass_filter(&self) -> (&MassEstimator, &MassState) {
-        (&self.mass, &self.state.mass)
-    }
-
-    /// The sway filter and its state, unless nothing sways.
-    pub fn sway_filter(&self) -> Option<(&SwayEstimator, &SwayState)> {
-        self.sway.as_ref().zip(self.state.sway.as_ref())
-    }
-
-    fn step_sway(&mut self, sample: &Screened, dt: f64, status: &mut Status) {
-        let force = self.sway_force(sample);
-        let mass = self.load_mass();
-        let first = !self.state.started;
-        let (Some(sway), Some(state)) = (&self.sway, &mut self.state.sway) else { return };
-        if first && !sample.speed.is_nan() {
-            sway.seed(state, sample.speed);
-        }
-        let channels = [sample.speed, sample.tilt, sample.tilt_rate];
-        let sample = SwaySample { drive_force: force, yaw_rate: sample.yaw_rate, channels };
-        let outcome = sway.step(state, &sample, mass, if first { 0.0 } else { dt });
-        status.raise_if(force.is_nan(), Status::HELD_INPUT);
-        status.raise_if(state.repaired, Status::RECOVERED);
-        status.raise_if(state.monitor.contradicted(), Status::CONTRADICTED);
-        *status |= match outcome {
-            SwayStatus::Updated | SwayStatus::Off => Status::OK,
+        let done = filter.step(sway, sample, mass, elapsed.seconds());
+        status.raise_if(done.repaired, Status::RECOVERED);
+        status |= match done.status {
             // The screening has already said which kind of sample was missing.
-            SwayStatus::Missing => Status::OK,
+            SwayStatus::Updated | SwayStatus::Missing | SwayStatus::Off => Status::OK,
             SwayStatus::Held => Status::STANDSTILL,
             SwayStatus::Gated => Status::GATED,
-            SwayStatus::BadStep => Status::BAD_STEP | Status::RESTARTED,
             SwayStatus::RolledBack => Status::RECOVERED,
-            SwayStatus::Restarted => Status::RESTARTED,
+            SwayStatus::Gap | SwayStatus::Restarted => Status::RESTARTED,
             SwayStatus::Realigned => Status::GATED | Status::RESTARTED,
         };
-    }
-
-    /// Speed, pitch and the rest without a sway filter: the last measured speed and nothing that sways.
-    fn rigid(&self) -> SwayEstimate {
-        let std = self.parameters.sway.speed_std;
-        SwayEstimate {
-            state: [self.state.speed, self.parameters.human.rest_pitch, 0.0, 0.0],
-            state_std: [std, 0.0, 0.0, 0.0],
-            ..SwayEstimate::default()
-        }
-    }
-
-    fn write_cog(&self, pitch: f64, pitch_std: f64, out: &mut Outputs) {
-        let p = &self.parameters;
-        let (mass, mass_std) = (out.load_mass, out.load_mass_std);
-        let (person, by_pitch) = (p.human.cog(p.robot.seat_height, pitch), p.human.cog_derivative(pitch));
-        let CentreOfGravity { x, z } = p.robot.common_cog(mass, person);
-        let (share, per_mass) = p.robot.load_share(mass);
-        (out.load_cog_x, out.load_cog_z, out.cog_x, out.cog_z) = (person.x, person.z, x, z);
-        out.load_cog_x_std = (by_pitch.x * pitch_std).abs();
-        // The height is stationary upright: the second-order term is kept there.
-        out.load_cog_z_std = (by_pitch.z * pitch_std).hypot(by_pitch.x * pitch_std * pitch_std * 0.5f64.sqrt());
-        out.cog_x_std = (share * out.load_cog_x_std).hypot(person.x * per_mass * mass_std);
-        out.cog_z_std = (share * out.load_cog_z_std).hypot((person.z - p.robot.cog_height) * per_mass * mass_std);
+        (done.innovation, status)
     }
 }
 
-impl Estimator for NursingRobot {
+impl Machine for NursingMachine {
     const NAME: &'static str = "NursingRobot";
     const DESCRIPTION: &'static str =
         "Mass of a seated person or load and sway of the body, from wheel torques and speed";
@@ -210,108 +132,105 @@ impl Estimator for NursingRobot {
     type Outputs = Outputs;
     type State = State;
 
-    fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
-        parameters.validate()?;
+    fn new(parameters: &Parameters) -> Result<(Self, State), ParameterError> {
         parameters.check_together()?;
         let mass = MassEstimator::new(parameters);
         let sway = SwayEstimator::new(parameters);
         let state = State {
-            started: false,
-            status: Status::OK,
-            speed: 0.0,
+            speed: Estimate::new(0.0, parameters.initial.speed_std),
             mass: mass.start(),
             sway: sway.as_ref().map(SwayEstimator::start),
         };
-        Ok(Self { parameters: parameters.clone(), mass, sway, state })
+        let unobserved = SwayEstimate::unobserved(parameters);
+        Ok((Self { parameters: parameters.clone(), mass, sway, unobserved }, state))
     }
 
-    fn sample_period(&self) -> f64 {
-        self.parameters.sample_period
+    fn rules(parameters: &Parameters) -> Rules {
+        let limit = &parameters.limit;
+        let [speed, tilt, tilt_rate] = parameters.sway_channels();
+        let used = [
+            ("yaw_rate", speed),
+            ("tilt", tilt),
+            ("tilt_rate", tilt_rate),
+            // Identification alone reads the roll.
+            ("roll", false),
+            ("roll_rate", false),
+            ("accel_x", parameters.mass.use_accelerometer),
+        ];
+        Rules {
+            sample_period: parameters.sample_period,
+            longest_gap: parameters.longest_step(),
+            limits: vec![("torque_left", limit.torque), ("torque_right", limit.torque), ("speed", limit.speed)],
+            unused: used.into_iter().filter(|(_, used)| !used).map(|(name, _)| name.to_owned()).collect(),
+        }
     }
 
-    fn step(&mut self, inputs: &Inputs, dt: f64) -> Status {
-        if !(dt > 0.0 && dt.is_finite()) {
-            self.state.status = Status::BAD_STEP;
-            return Status::BAD_STEP;
+    fn sample(&mut self, state: &mut State, inputs: &Inputs, _: Status, elapsed: Elapsed) -> Outcome {
+        self.watch_speed(state, inputs.speed, elapsed.seconds());
+        let force = self.net_force(state, inputs);
+        let measured = MassSample { force, speed: inputs.speed, specific_force: inputs.accel_x };
+        match elapsed {
+            Elapsed::First | Elapsed::Step(_) => {
+                self.mass.step(&mut state.mass, &measured, elapsed.seconds());
+            }
+            Elapsed::Gap(_) => self.mass.bridge_gap(&mut state.mass, &measured),
         }
-        let mut status = Status::OK;
-        let sample = self.screen(inputs, &mut status);
-        if !sample.speed.is_nan() {
-            self.state.speed = sample.speed;
+        let mut status = match state.mass.status {
+            MassStatus::Updated | MassStatus::Pooling | MassStatus::Bad => Status::OK,
+            MassStatus::NotMoving | MassStatus::NotExcited | MassStatus::Blocked => Status::HOLD,
+            MassStatus::Rejected => Status::SLIP | Status::GATED,
+        };
+        status.raise_if(!state.mass.rls.valid, Status::UNOBSERVABLE);
+        status.raise_if(state.mass.implausible(), Status::AT_BOUND);
+        let channels = [inputs.speed, inputs.tilt, inputs.tilt_rate];
+        let sample = SwaySample { force, yaw_rate: inputs.yaw_rate, channels };
+        let (innovation, of_sway) = self.follow_sway(state, &sample, elapsed);
+        Outcome {
+            status: status | of_sway,
+            nis: innovation.nis,
+            channels: innovation.dof,
+            log_likelihood: innovation.log_likelihood,
+            // A speed says at least whether the machine stands.
+            used: !inputs.speed.is_nan() || innovation.used_count() > 0,
         }
-        status.raise_if(self.state.started && dt > self.parameters.longest_step(), Status::BAD_STEP);
-        let measured =
-            MassSample { drive_force: sample.drive_force, speed: sample.speed, specific_force: sample.accel_x };
-        let nominal = self.parameters.sample_period;
-        let mass_dt = if self.state.started { dt } else { nominal };
-        match self.mass.step(&mut self.state.mass, &measured, mass_dt) {
-            MassStatus::Updated | MassStatus::Pooling | MassStatus::Bad => {}
-            MassStatus::NotMoving | MassStatus::NotExcited | MassStatus::Blocked => status |= Status::HOLD,
-            MassStatus::Rejected => status |= Status::SLIP | Status::GATED,
-        }
-        self.step_sway(&sample, dt, &mut status);
-        status.raise_if(!self.state.mass.rls.valid, Status::UNOBSERVABLE);
-        status.raise_if(self.state.mass.implausible(), Status::AT_BOUND);
-        self.state.started = true;
-        self.state.status = status;
-        status
     }
 
-    fn outputs(&self, inputs: &Inputs, ahead: f64, out: &mut Outputs) {
-        let mass = &self.state.mass;
-        out.load_mass = mass.rls.estimate;
-        out.load_mass_std = self.mass.std(mass);
+    fn estimates(&self, state: &State, inputs: &Inputs, horizon: f64, out: &mut Outputs) {
+        let mass = &state.mass;
+        out.load_mass = Estimate::new(mass.rls.estimate, self.mass.std(mass));
         out.mass_valid = mass.rls.valid;
         out.mass_implausible = mass.implausible();
         out.forgetting_factor = mass.rls.forgetting;
-        out.mass_status = mass.status as i32;
-
-        let estimate = match (&self.sway, &self.state.sway) {
-            (Some(sway), Some(state)) => {
-                out.sway_status = state.status as i32;
-                out.nis = if state.channels > 0 { state.nis / f64::from(state.channels) } else { 0.0 };
-                out.log_likelihood = state.log_likelihood;
-                let mut ignored = Status::OK;
-                let force = if ahead > 0.0 { self.sway_force(&self.screen(inputs, &mut ignored)) } else { f64::NAN };
-                sway.estimate(state, force, ahead)
+        out.mass_status = mass.status;
+        let sway = match (&self.sway, &state.sway) {
+            (Some(filter), Some(sway)) => {
+                out.sway_status = sway.status;
+                filter.estimate(sway, self.net_force(state, inputs), horizon)
             }
             _ => {
-                (out.sway_status, out.nis, out.log_likelihood) = (SwayStatus::Off as i32, 0.0, 0.0);
-                self.rigid()
+                out.sway_status = SwayStatus::Off;
+                let [_, body @ ..] = self.unobserved.state;
+                SwayEstimate { state: [state.speed, body[0], body[1], body[2]], ..self.unobserved }
             }
         };
-        [out.speed_estimate, out.body_pitch, out.body_pitch_rate, out.active_torque] = estimate.state;
-        [out.speed_estimate_std, out.body_pitch_std, out.body_pitch_rate_std, out.active_torque_std] =
-            estimate.state_std;
-        (out.sway_force, out.sway_force_std) = (estimate.force, estimate.force_std);
-        (out.hip_torque, out.hip_torque_std) = (estimate.torque, estimate.torque_std);
-        self.write_cog(estimate.state[1], estimate.state_std[1], out);
-        out.status = self.state.status;
-        let starting = Status::RESTARTED.bits() | Status::RECOVERED.bits() | Status::BAD_STEP.bits();
-        // a vehicle weighed by its accelerometer may have nobody on board who sways as declared
-        let sway = self.state.sway.as_ref().filter(|_| !self.parameters.mass.use_accelerometer);
-        let contradicted = sway.is_some_and(|sway| sway.monitor.contradicted());
-        out.healthy =
-            mass.rls.valid && !mass.implausible() && !contradicted && self.state.status.bits() & starting == 0;
+        [out.speed_estimate, out.body_pitch, out.body_pitch_rate, out.active_torque] = sway.state;
+        (out.sway_force, out.hip_torque) = (sway.force, sway.torque);
+        self.report_centre_of_gravity(out);
     }
 
-    fn state(&self) -> &State {
-        &self.state
+    fn usable(&self, state: &State, _: &Outputs) -> bool {
+        state.mass.rls.valid && !state.mass.implausible()
     }
 
-    fn restore(&mut self, state: &State) -> Result<(), StateError> {
+    fn check(&self, state: &State) -> Result<(), StateError> {
         let sway = match (&self.sway, &state.sway) {
-            (Some(estimator), Some(sway)) => sway.is_sound(estimator),
+            (Some(filter), Some(sway)) => sway.fits(filter),
             (None, None) => true,
             _ => false,
         };
         if !sway {
-            return Err(StateError("its sway filter is of another model or not finite"));
+            return Err(StateError("its sway filter is of another model or invalid"));
         }
-        if !(state.mass.is_sound() && bounded(state.speed)) {
-            return Err(StateError("its mass filter is not finite"));
-        }
-        self.state = state.clone();
-        Ok(())
+        if state.mass.rls.is_valid() { Ok(()) } else { Err(StateError("its mass filter is invalid")) }
     }
 }

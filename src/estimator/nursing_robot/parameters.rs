@@ -1,7 +1,7 @@
-//! Everything that can be set, measured and read, declared once.
+//! Parameters of the nursing robot's estimator.
 
-use crate::Status;
 use crate::model::nursing_robot::{Aero, Human, Robot, Rolling};
+use crate::{ParameterError, Variables};
 
 choice! {
     /// Law by which the mass filter forgets.
@@ -20,7 +20,7 @@ choice! {
     pub enum LoadChange {
         /// `at_stops` if mass.use_accelerometer (a road vehicle), else `any_time`.
         Auto = "auto",
-        /// Large errors make the filter forget; every stop re-opens the covariance.
+        /// Large errors make the filter forget; every stop resets the covariance.
         AnyTime = "any_time",
         /// Errors are noise; only a long stop lets the mass change.
         AtStops = "at_stops",
@@ -30,7 +30,8 @@ choice! {
 choice! {
     /// Model of the sway filter.
     pub enum SwayModel {
-        /// `sound_torque` if tilt or tilt rate is used, else `sound`.
+        /// `sound_torque` if tilt or tilt rate is used; otherwise off with mass.use_accelerometer, whose road may slope as
+        /// no model of the sway does, and `sound` without it.
         Auto = "auto",
         /// As printed in the source; for comparison only.
         PaperRaw = "paper_raw",
@@ -50,7 +51,7 @@ variables! {
         law: Law = Law::Exponential, "1", tunable;
         /// Whether the force of the swaying upper body is computed from the acceleration and taken into the regressor. Off: the plain regressor of the source.
         compensate_sway: bool = true, "1", tunable;
-        /// Whether accel_x (specific force, with gravity) replaces the derivative of the speed for the masses that move along, so that slopes cancel.
+        /// Whether accel_x (specific force, with gravity) replaces the derivative of the speed for the masses that move along, so that slopes cancel. The sway filter is then off unless a tilt sensor is used or sway.model names a model.
         use_accelerometer: bool = false, "1";
         /// Forgetting factor per sample at large errors.
         forgetting_fast: f64 = 0.97, "1", [0.5, 1.0], tunable;
@@ -80,13 +81,13 @@ variables! {
         minimum_acceleration: f64 = 0.1, "m/s2", [1e-3, 10.0], tunable;
         /// Corner frequency of the filter that force, speed and acceleration pass alike.
         cutoff: f64 = 2.0, "Hz", [0.01, 100.0], tunable;
-        /// Largest scaled covariance, also the one after the covariance has been re-opened.
+        /// Largest scaled covariance, also the one after a reset.
         covariance_high: f64 = 10.0, "s4/m2", [1e-9, 1e6], tunable;
         /// Smallest scaled covariance.
         covariance_low: f64 = 1e-6, "s4/m2", [1e-15, 1e6], tunable;
         /// Number of samples pooled into the first estimate after a start.
         pooled_samples: i32 = 10, "1", [1, 10000], tunable;
-        /// Standing at least this long allows the load to have changed: the next start re-opens the covariance.
+        /// Standing at least this long allows the load to have changed: the next start resets the covariance.
         stop_time: f64 = 0.5, "s", [0.0, 1e4], tunable;
         /// Time after a missing or rejected sample during which the mass is held.
         block_time: f64 = 0.4, "s", [0.0, 100.0], tunable;
@@ -100,9 +101,57 @@ variables! {
 }
 
 variables! {
-    /// Densities of the process noise of the sway filter and standard deviations of its sensors.
+    /// Process noise of the sway filter: power spectral densities of white noise.
+    pub struct ProcessParameters {
+        /// Density of the unmodelled acceleration along the path.
+        speed: f64 = 1e-5, "m2/s3", [0.0, 1e3], tunable, process_noise;
+        /// Density of the unmodelled pitch rate.
+        pitch: f64 = 1e-8, "rad2/s", [0.0, 1e3], tunable, process_noise;
+        /// Density of the unmodelled pitch acceleration.
+        pitch_rate: f64 = 1e-6, "rad2/s3", [0.0, 1e3], tunable, process_noise;
+        /// Density of the unmodelled hip torque of the model sound.
+        hip_torque: f64 = 1.0, "N2.m2.s", [0.0, 1e6], tunable, process_noise;
+        /// Density of the unmodelled hip torque of the model sound_torque, beside its slow active torque.
+        hip_torque_fast: f64 = 0.1, "N2.m2.s", [0.0, 1e6], tunable, process_noise;
+        /// Density of what drives the active torque of the model sound_torque.
+        active_torque: f64 = 500.0, "N2.m2/s", [0.0, 1e6], tunable, process_noise;
+        /// Density of the unmodelled acceleration in the models paper and paper_raw.
+        paper_speed: f64 = 1e-4, "m2/s3", [0.0, 1e3], tunable, process_noise;
+        /// Density of the pitch rate in the models paper and paper_raw, which know no motion of the pitch.
+        paper_pitch: f64 = 0.02, "rad2/s", [0.0, 1e3], tunable, process_noise;
+    }
+}
+
+variables! {
+    /// Measurement noise of the sway filter: standard deviations per sample.
+    pub struct MeasurementParameters {
+        /// Standard deviation of the measured speed.
+        speed: f64 = 0.005, "m/s", [1e-6, 10.0], tunable, measurement_noise;
+        /// Standard deviation of the measured tilt.
+        tilt: f64 = 0.01, "rad", [1e-6, 1.0], tunable, measurement_noise;
+        /// Standard deviation of the measured tilt rate.
+        tilt_rate: f64 = 0.01, "rad/s", [1e-6, 10.0], tunable, measurement_noise;
+    }
+}
+
+variables! {
+    /// What is known at the start: the first measured speed and the relaxed posture.
+    pub struct InitialParameters {
+        /// Standard deviation of the speed at the start.
+        speed_std: f64 = 0.01, "m/s", [1e-6, 10.0];
+        /// Standard deviation of the pitch at the start.
+        pitch_std: f64 = 0.2, "rad", [1e-6, 1.0];
+        /// Standard deviation of the pitch rate at the start.
+        pitch_rate_std: f64 = 0.5, "rad/s", [1e-6, 10.0];
+        /// Standard deviation of the active torque at the start.
+        active_torque_std: f64 = 5.0, "N.m", [1e-6, 1e3];
+    }
+}
+
+variables! {
+    /// The sway filter.
     pub struct SwayParameters {
-        /// Model of the sway filter.
+        /// Model of the sway filter. auto = sound_torque if tilt or tilt rate is used; otherwise off with mass.use_accelerometer, since roads slope and the model's floor is level, and sound without it.
         model: SwayModel = SwayModel::Auto, "1";
         /// Whether measurement and process noise are adapted.
         adaptive: bool = true, "1", tunable;
@@ -110,45 +159,19 @@ variables! {
         use_tilt: bool = false, "1";
         /// Whether the measured tilt rate is used.
         use_tilt_rate: bool = false, "1";
-        /// Standard deviation of the measured speed.
-        speed_std: f64 = 0.005, "m/s", [1e-6, 10.0], tunable;
-        /// Standard deviation of the measured tilt.
-        tilt_std: f64 = 0.01, "rad", [1e-6, 1.0], tunable;
-        /// Standard deviation of the measured tilt rate.
-        tilt_rate_std: f64 = 0.01, "rad/s", [1e-6, 10.0], tunable;
-        /// Process noise of the speed, variance per second.
-        speed_noise: f64 = 1e-5, "m2/s3", [0.0, 1e3], tunable;
-        /// Process noise of the pitch, variance per second.
-        pitch_noise: f64 = 1e-8, "rad2/s", [0.0, 1e3], tunable;
-        /// Process noise of the pitch rate, variance per second.
-        pitch_rate_noise: f64 = 1e-6, "rad2/s3", [0.0, 1e3], tunable;
-        /// White hip torque of the model sound, variance times time.
-        hip_torque_noise: f64 = 1.0, "N2.m2.s", [0.0, 1e6], tunable;
-        /// White hip torque of the model sound_torque, variance times time, beside its slow active torque.
-        hip_torque_noise_fast: f64 = 0.1, "N2.m2.s", [0.0, 1e6], tunable;
-        /// Process noise of the active torque of the model sound_torque, variance per second.
-        active_torque_noise: f64 = 500.0, "N2.m2/s", [0.0, 1e6], tunable;
+        /// Process noise.
+        process_psd: ProcessParameters;
+        /// Measurement noise.
+        measurement_std: MeasurementParameters;
         /// Time constant of the active torque of the model sound_torque.
         active_torque_time: f64 = 5.0, "s", [0.01, 1e4], tunable;
-        /// Process noise of the speed in the models paper and paper_raw, variance per second.
-        paper_speed_noise: f64 = 1e-4, "m2/s3", [0.0, 1e3], tunable;
-        /// Process noise of the pitch in the models paper and paper_raw, variance per second.
-        paper_pitch_noise: f64 = 0.02, "rad2/s", [0.0, 1e3], tunable;
-        /// Standard deviation of the speed at the start.
-        start_speed_std: f64 = 0.01, "m/s", [1e-6, 10.0];
-        /// Standard deviation of the pitch at the start.
-        start_pitch_std: f64 = 0.2, "rad", [1e-6, 1.0];
-        /// Standard deviation of the pitch rate at the start.
-        start_pitch_rate_std: f64 = 0.5, "rad/s", [1e-6, 10.0];
-        /// Standard deviation of the active torque at the start.
-        start_torque_std: f64 = 5.0, "N.m", [1e-6, 1e3];
         /// Spread of the sigma points.
         alpha: f64 = 1.0, "1", [1e-3, 10.0];
         /// Prior knowledge of the distribution; 2 for a Gaussian.
         beta: f64 = 2.0, "1", [0.0, 10.0];
         /// Secondary scaling of the sigma points.
         kappa: f64 = 0.0, "1", [-1.0, 10.0];
-        /// Normalised innovation squared per channel above which a sample is rejected; the fourth in a row re-aligns the speed.
+        /// Normalised innovation squared per channel above which a sample is rejected; the fourth in a row resets the speed to its measurement.
         gate: f64 = 16.0, "1", [1.0, 1e6], tunable;
         /// Forgetting factor of the adapted measurement noise.
         noise_memory: f64 = 0.995, "1", [0.5, 0.999999], tunable;
@@ -202,6 +225,8 @@ variables! {
         aero: Aero;
         /// The seated person.
         human: Human;
+        /// What is known at the start.
+        initial: InitialParameters;
         /// The mass filter.
         mass: MassParameters;
         /// The sway filter.
@@ -211,94 +236,40 @@ variables! {
     }
 }
 
-variables! {
-    /// What is measured.
-    pub struct Inputs {
-        /// Torque at the left drive wheel after the gearbox, positive driving forward. NaN: no sample.
-        torque_left: f64 = 0.0, "N.m", measured;
-        /// Torque at the right drive wheel after the gearbox, positive driving forward. NaN: no sample.
-        torque_right: f64 = 0.0, "N.m", measured;
-        /// Forward speed of the driven axle's midpoint. NaN: no sample.
-        speed: f64 = 0.0, "m/s", measured;
-        /// Yaw rate of the robot, positive counter-clockwise seen from above. NaN: driving straight.
-        yaw_rate: f64 = 0.0, "rad/s", measured;
-        /// Measured pitch of the upper body, positive leaning forward; used if sway.use_tilt. NaN: no sample.
-        tilt: f64 = f64::NAN, "rad", measured;
-        /// Measured pitch rate of the upper body; used if sway.use_tilt_rate. NaN: no sample.
-        tilt_rate: f64 = f64::NAN, "rad/s", measured;
-        /// Measured roll of the upper body, positive leaning right. Not used by the filters, whose motion is planar; for identification. NaN: no sample.
-        roll: f64 = f64::NAN, "rad", measured;
-        /// Measured roll rate of the upper body. Not used by the filters; for identification. NaN: no sample.
-        roll_rate: f64 = f64::NAN, "rad/s", measured;
-        /// Longitudinal specific force (acceleration plus the share of gravity along a slope), positive forward; used if mass.use_accelerometer. NaN: no sample.
-        accel_x: f64 = f64::NAN, "m/s2", measured;
+impl Parameters {
+    /// Longest step that the filters bridge, s; a rounding error longer than 1.5 sample periods is not
+    /// taken for a gap.
+    pub fn longest_step(&self) -> f64 {
+        self.limit.step.max(1.5 * self.sample_period) * (1.0 + 1e-9)
     }
-}
 
-variables! {
-    /// What is estimated.
-    pub struct Outputs {
-        /// Mass of the person or load. human.nominal_mass until mass_valid.
-        load_mass: f64 = 70.0, "kg";
-        /// Standard deviation of load_mass, with the effect of uncertain rolling resistance, drive force and sway.
-        load_mass_std: f64 = 20.0, "kg";
-        /// Whether a mass has been estimated since the start.
-        mass_valid: bool = false, "1";
-        /// Whether load_mass has sat at its bound for longer than 0.5 s of updates whose forces ask for a mass far beyond it (5 % of robot.mass): inputs and parameters do not fit each other.
-        mass_implausible: bool = false, "1";
-        /// Forgetting factor of the mass filter at its last update.
-        forgetting_factor: f64 = 0.998, "1";
-        /// Mass filter: 0 updated, 1 pooling the first samples, 2 not moving, 3 not excited, 4 rejected as slip, 5 missing sample or bad step, 6 held after 4 or 5.
-        mass_status: i32 = 2, "1";
-        /// Pitch of the upper body, positive leaning forward. Without a tilt sensor a kept lean is not observable and only the motion about human.rest_pitch is estimated.
-        body_pitch: f64 = 0.0, "rad";
-        /// Standard deviation of body_pitch.
-        body_pitch_std: f64 = 0.2, "rad";
-        /// Pitch rate of the upper body.
-        body_pitch_rate: f64 = 0.0, "rad/s";
-        /// Standard deviation of body_pitch_rate.
-        body_pitch_rate_std: f64 = 0.5, "rad/s";
-        /// Longitudinal force of the swaying body on the robot, positive slowing it.
-        sway_force: f64 = 0.0, "N";
-        /// Standard deviation of sway_force.
-        sway_force_std: f64 = 0.0, "N";
-        /// Passive torque of spring and damper at the hip, positive when leaning forward of the rest posture.
-        hip_torque: f64 = 0.0, "N.m";
-        /// Standard deviation of hip_torque.
-        hip_torque_std: f64 = 0.0, "N.m";
-        /// Active torque of the person at the hip, positive pushing the body forward; 0 unless the model is sound_torque.
-        active_torque: f64 = 0.0, "N.m";
-        /// Standard deviation of active_torque; 0 unless the model is sound_torque.
-        active_torque_std: f64 = 0.0, "N.m";
-        /// Centre of gravity of the person, forward of the driven axle.
-        load_cog_x: f64 = 0.0, "m";
-        /// Standard deviation of load_cog_x.
-        load_cog_x_std: f64 = 0.0, "m";
-        /// Centre of gravity of the person above the floor.
-        load_cog_z: f64 = 0.0, "m";
-        /// Standard deviation of load_cog_z.
-        load_cog_z_std: f64 = 0.0, "m";
-        /// Centre of gravity of robot and person, forward of the driven axle.
-        cog_x: f64 = 0.0, "m";
-        /// Standard deviation of cog_x.
-        cog_x_std: f64 = 0.0, "m";
-        /// Centre of gravity of robot and person above the floor.
-        cog_z: f64 = 0.0, "m";
-        /// Standard deviation of cog_z.
-        cog_z_std: f64 = 0.0, "m";
-        /// Forward speed of the driven axle's midpoint; the last measured one if the load cannot sway.
-        speed_estimate: f64 = 0.0, "m/s";
-        /// Standard deviation of speed_estimate.
-        speed_estimate_std: f64 = 0.01, "m/s";
-        /// Sway filter: 0 updated, 2 some channel missing, 3 wheels held, 4 rejected by the gate, 5 bad step or gap, 6 rolled back, 7 restarted beyond the pitch limit, 8 speed re-aligned, 9 switched off.
-        sway_status: i32 = 0, "1";
-        /// Normalised innovation squared of the sway filter per measured channel; about 1 when the filter is consistent, 0 without a sample.
-        nis: f64 = 0.0, "1";
-        /// Logarithm of the likelihood of what the sway filter measured last, 0 without a sample.
-        log_likelihood: f64 = 0.0, "1";
-        /// Conditions of the last sample, a bit field with the same meaning in all machines.
-        status: Status = Status::OK, "1";
-        /// Whether the main estimates are usable now: a mass is known and plausible and the sway filter is neither starting anew nor contradicted by the speeds (which the bit contradicted of the status says).
-        healthy: bool = false, "1";
+    /// Checks what single ranges cannot.
+    pub(super) fn check_together(&self) -> Result<(), ParameterError> {
+        let (human, mass) = (&self.human, self.human.nominal_mass);
+        let toppling = human.toppling_stiffness(mass);
+        let refuse = |name: &str, reason: String| {
+            let declared = Self::declare();
+            let index = declared.iter().position(|v| v.name == name).unwrap_or(0);
+            Err(declared[index].refuse(self.to_vec()[index], reason))
+        };
+        if human.hip_inertia(mass) > 0.0 && human.stiffness_pitch <= toppling {
+            let reason = format!(
+                "does not hold the body upright: it must exceed {toppling:.1} N.m/rad, the moment of gravity per angle"
+            );
+            return refuse("human.stiffness_pitch", reason);
+        }
+        if self.mass.forgetting_fast > self.mass.forgetting_slow {
+            return refuse("mass.forgetting_fast", "must not exceed mass.forgetting_slow".to_owned());
+        }
+        if self.mass.error_low >= self.mass.error_high {
+            return refuse("mass.error_low", "must be below mass.error_high".to_owned());
+        }
+        if self.mass.covariance_low > self.mass.covariance_high {
+            return refuse("mass.covariance_low", "must not exceed mass.covariance_high".to_owned());
+        }
+        if self.robot.mass + self.limit.load_mass_low <= 0.0 {
+            return refuse("limit.load_mass_low", "leaves no mass: it must be above -robot.mass".to_owned());
+        }
+        Ok(())
     }
 }

@@ -291,8 +291,8 @@ fn output_error(
         return Ok(start);
     }
     let setup = Setup {
-        speed_std: task.known.get("sway.speed_std"),
-        pitch_std: tilt.then(|| task.known.get("sway.tilt_std")),
+        speed_std: task.known.get("sway.measurement_std.speed"),
+        pitch_std: tilt.then(|| task.known.get("sway.measurement_std.tilt")),
         efficiency: task.wants(EFFICIENCY),
         loss: session.loss(),
         correct: session.corrects() && segments.iter().all(|segment| !segment.signals.roll.is_empty()),

@@ -1,0 +1,87 @@
+//! How the body moves over one step, in each of the filter's models.
+
+use super::{Form, SwayEstimator, SwayState};
+use crate::filter::discretise::runge_kutta;
+use crate::model::nursing_robot::{Human, Lean, Planar};
+use nalgebra::SVector;
+
+/// What is constant during one step.
+pub(super) struct Step<'a> {
+    form: Form,
+    pub(super) planar: Planar,
+    pub(super) force: f64,
+    /// The pitch before the step, near which all points of the step lie.
+    lean: Lean,
+    omega: f64,
+    /// The wheels are held.
+    pub(super) held: bool,
+    torque_time: f64,
+    mass: f64,
+    human: &'a Human,
+    pub(super) dt: f64,
+}
+
+impl SwayEstimator {
+    /// The equations of one step over `dt` under a drive force, with the load mass of the state; the hip's
+    /// spring and damper stay as they are.
+    pub(super) fn step_of(&self, state: &SwayState, force: f64, dt: f64) -> Step<'_> {
+        Step {
+            form: self.form,
+            planar: Planar::new(&self.robot, &self.rolling, &self.human, state.mass),
+            force,
+            lean: Lean::new(state.belief.pitch()),
+            omega: state.yaw_rate,
+            held: state.standstill.is_still(),
+            torque_time: self.torque_time,
+            mass: state.mass,
+            human: &self.human,
+            dt,
+        }
+    }
+}
+
+impl Step<'_> {
+    /// The state one step later.
+    pub(super) fn propagate<const N: usize>(&self, x: &SVector<f64, N>) -> SVector<f64, N> {
+        match self.form {
+            Form::PaperRaw | Form::Paper => {
+                let push = self.force - self.planar.rolling_resistance(x[0]) - self.paper_force(x[1]);
+                SVector::from_fn(|i, _| if i == 0 { x[0] + self.dt * push / self.planar.inertial_mass } else { x[i] })
+            }
+            Form::Sound | Form::SoundTorque => runge_kutta(x, self.dt, |x| self.derivative(x)),
+        }
+    }
+
+    fn derivative<const N: usize>(&self, x: &SVector<f64, N>) -> SVector<f64, N> {
+        let active = if N > 3 { x[3] } else { 0.0 };
+        let (v_dot, phi_ddot) = self.acceleration(x[0], x[1], x[2], active);
+        SVector::from_fn(|i, _| [v_dot, x[2], phi_ddot, -active / self.torque_time][i])
+    }
+
+    fn acceleration(&self, v: f64, phi: f64, phi_dot: f64, active: f64) -> (f64, f64) {
+        let lean = self.lean.moved_to(phi);
+        if self.held {
+            return (0.0, self.planar.held_acceleration(&lean, phi_dot, self.omega, active));
+        }
+        let force = self.force - self.planar.rolling_resistance(v);
+        self.planar.acceleration(force, &lean, phi_dot, self.omega, active)
+    }
+
+    /// Force of the swaying body, N.
+    pub(super) fn sway_force<const N: usize>(&self, x: &SVector<f64, N>) -> f64 {
+        if N < 3 {
+            return self.paper_force(x[1]);
+        }
+        let active = if N > 3 { x[3] } else { 0.0 };
+        let (_, phi_ddot) = self.acceleration(x[0], x[1], x[2], active);
+        self.planar.sway_force(x[1], x[2], phi_ddot, self.omega)
+    }
+
+    /// The paper's disturbance force, N.
+    fn paper_force(&self, phi: f64) -> f64 {
+        match self.form {
+            Form::PaperRaw => self.planar.printed_force(self.human, self.mass, phi),
+            _ => self.planar.paper_force(phi),
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! What the sway filter's belief says about the machine: forces and their standard deviations, also a
+//! while after the last sample.
+
+use super::{Form, SwayBelief, SwayEstimator, SwayState};
+use crate::filter::gaussian::Gaussian;
+use crate::variable::Estimate;
+use nalgebra::SVector;
+
+/// The filter's answer.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SwayEstimate {
+    /// Speed, m/s; pitch, rad; pitch rate, rad/s; active torque, N m; 0 for what the model does not have.
+    pub state: [Estimate; 4],
+    /// Force of the swaying body, N.
+    pub force: Estimate,
+    /// Passive hip torque, N m.
+    pub torque: Estimate,
+}
+
+/// Longest step of the model when it is carried forward, s.
+const LONGEST_STEP: f64 = 0.01;
+/// Most steps forward; what lies beyond is held.
+const MOST_STEPS: f64 = 200.0;
+
+impl SwayEstimator {
+    /// The estimate `horizon` seconds after the last sample: its posterior, the mean carried forward
+    /// under a drive force, held (the last one if it is NaN).
+    pub fn estimate(&self, state: &SwayState, drive_force: f64, horizon: f64) -> SwayEstimate {
+        match &state.belief {
+            SwayBelief::Two(belief) => self.read(state, belief, drive_force, horizon),
+            SwayBelief::Three(belief) => self.read(state, belief, drive_force, horizon),
+            SwayBelief::Four(belief) => self.read(state, belief, drive_force, horizon),
+        }
+    }
+
+    fn read<const N: usize>(&self, state: &SwayState, belief: &Gaussian<N>, force: f64, horizon: f64) -> SwayEstimate {
+        let mut mean = belief.mean;
+        let last = state.last_force();
+        let mut step = self.step_of(state, last, 0.0);
+        if horizon > 0.0 {
+            step.force = if force.is_finite() { force } else { last };
+            let span = horizon.min(LONGEST_STEP * MOST_STEPS);
+            let steps = (span / LONGEST_STEP).ceil();
+            step.dt = span / steps;
+            for _ in 0..steps as usize {
+                mean = step.propagate(&mean);
+            }
+            if mean.iter().any(|x| !x.is_finite()) {
+                mean = belief.mean;
+            }
+        }
+
+        let mut estimate = SwayEstimate::default();
+        for i in 0..N {
+            estimate.state[i] = Estimate::new(mean[i], belief.std(i));
+        }
+        let planar = &step.planar;
+        estimate.state[1].std = estimate.state[1].std.hypot(planar.posture_by_rest() * self.rest_std);
+        let unmodelled = self.torque_noise(state);
+        let force = step.sway_force(&mean);
+        let gradient = gradient(&mean, force, |x| step.sway_force(x));
+        let direct = planar.b * planar.hip_torque_response(mean[1]).1;
+        let variance = belief.variance_along(&gradient) + direct * direct * unmodelled;
+        estimate.force = Estimate::new(force, variance.sqrt());
+        let rate = if N > 2 { mean[2] } else { 0.0 };
+        let gradient = SVector::<f64, N>::from_fn(|i, _| [0.0, planar.k, planar.c, 0.0][i]);
+        let variance = belief.variance_along(&gradient);
+        estimate.torque = Estimate::new(planar.hip_torque(mean[1], rate), variance.sqrt());
+        estimate
+    }
+
+    /// Variance of the hip torque that the model does not carry, N2 m2, over the time that the filter
+    /// needs to notice it.
+    fn torque_noise(&self, state: &SwayState) -> f64 {
+        let scale = if self.form == Form::Sound { state.scale.scale } else { 1.0 };
+        self.torque_density * scale / self.scale.0
+    }
+}
+
+/// Forward differences over steps that are small for speeds, angles, rates and torques alike.
+fn gradient<const N: usize>(x: &SVector<f64, N>, value: f64, f: impl Fn(&SVector<f64, N>) -> f64) -> SVector<f64, N> {
+    const STEP: f64 = 1e-6;
+    SVector::from_fn(|i, _| {
+        let mut moved = *x;
+        moved[i] += STEP;
+        (f(&moved) - value) / STEP
+    })
+}
