@@ -1,4 +1,5 @@
 //! The filters by themselves, without a machine.
 
 mod cubature;
+mod rls;
 mod square_root;

@@ -2,6 +2,7 @@
 
 mod allocation;
 mod inputs;
+mod mass;
 mod model;
 mod recordings;
 mod vectors;
