@@ -20,6 +20,8 @@ const MOST: f64 = 2.0;
 const AGREED: f64 = 1.5;
 /// More than this counts as this: one outlier proves nothing.
 const LARGEST: f64 = 16.0;
+/// Largest share of one sample in the average, also after a pause: one outlier does not lift it from 1 beyond [`MOST`].
+const SHARE: f64 = (MOST - 1.0) / (LARGEST - 1.0);
 
 impl Default for NisMonitor {
     fn default() -> Self {
@@ -30,7 +32,7 @@ impl Default for NisMonitor {
 impl NisMonitor {
     /// Takes the normalised innovation squared per channel of a sample that came `dt` seconds after the last one.
     pub fn update(&mut self, nis: f64, dt: f64) {
-        self.average += (1.0 - (-dt / TIME).exp()) * (nis.min(LARGEST) - self.average);
+        self.average += (1.0 - (-dt / TIME).exp()).min(SHARE) * (nis.min(LARGEST) - self.average);
         self.contradicted = self.average > if self.contradicted { AGREED } else { MOST };
     }
 
@@ -90,5 +92,16 @@ mod tests {
             monitor.average
         };
         assert!((after(0.001) - after(0.05)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn one_outlier_is_no_contradiction_however_long_the_pause_before_it_and_some_in_a_row_are() {
+        for dt in [0.001, 0.01, 0.1, 0.5, 1.0] {
+            let mut monitor = NisMonitor::default();
+            monitor.update(1e12, dt);
+            assert!(!monitor.contradicted(), "{dt}");
+            (0..(1.0 / dt) as usize).for_each(|_| monitor.update(1e12, dt));
+            assert!(monitor.contradicted(), "{dt}");
+        }
     }
 }
