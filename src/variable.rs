@@ -78,6 +78,8 @@ pub struct Variable {
     pub measured: bool,
     /// An input whose last valid value holds while it has none: a command, or what changes slowly.
     pub held: bool,
+    /// A held input that the machine can do without: before its first valid value it is missing, not 0.
+    pub optional: bool,
     /// A parameter that says how much the process noise drives a state.
     pub process_noise: bool,
     /// A parameter that says how noisy a sensor is.
@@ -121,6 +123,7 @@ impl Variable {
             tunable: false,
             measured: false,
             held: false,
+            optional: false,
             process_noise: false,
             measurement_noise: false,
         }
@@ -403,7 +406,7 @@ macro_rules! code {
 ///
 /// A variable is `name: type = start, "unit", [low, high], flags;` below its description, in which
 /// the range may be left out and the flags are those of [`Variable`](crate::Variable): `tunable`, `measured`, `held`,
-/// `process_noise`, `measurement_noise`. A group is `name: Type;`, and `@flat name: Type;` if its variables keep
+/// `optional`, `process_noise`, `measurement_noise`. A group is `name: Type;`, and `@flat name: Type;` if its variables keep
 /// their names outside.
 #[macro_export]
 macro_rules! variables {

@@ -9,7 +9,7 @@
 //! | `dt` not positive or not finite | nothing changes at all; the step returns `bad-step skipped` |
 //! | `dt` beyond [`Rules::longest_gap`] | the machine makes a new start from what it still knows; `bad-step restarted` |
 //! | `measured` input NaN, infinite or out of range | no sample: its channel is left out; `missing`, `infinite`, `implausible` |
-//! | `held` input likewise | the last valid value, 0 before the first; `held-input` |
+//! | `held` input likewise | the last valid value; `held-input`. Before the first 0, or NaN if it is `optional` |
 //! | force, moment, torque or held input without any valid value so far | `never-set` |
 //! | input that the parameters switch off | no sample, nothing is said unless it is infinite |
 //! | no measured input has a sample | `no-measurement` |
@@ -116,8 +116,8 @@ pub trait Machine: Clone + Send {
     fn rules(parameters: &Self::Parameters) -> Rules;
 
     /// Takes one sample: time update over `elapsed`, then measurement update. NaN in a measured input is a missing
-    /// sample; held inputs are always numbers, and `screened` says whether one of them is an old one
-    /// ([`Status::HELD_INPUT`]) or was never set. Never panics, never allocates.
+    /// sample; held inputs are numbers (but for an `optional` one that was never set), and `screened` says whether one
+    /// of them is an old one ([`Status::HELD_INPUT`]) or was never set. Never panics, never allocates.
     fn sample(&mut self, state: &mut Self::State, inputs: &Self::Inputs, screened: Status, elapsed: Elapsed)
     -> Outcome;
 
@@ -139,6 +139,8 @@ struct Channel {
     high: f64,
     /// Its last valid value holds.
     held: bool,
+    /// What a held input has before its first valid value.
+    unset: f64,
     used: bool,
     /// Where its last valid value is kept, for those that hold it or must tell that they never had one.
     slot: Option<usize>,
@@ -222,7 +224,7 @@ impl<M: Machine> Sampled<M> {
             status.raise_if(channel.slot.is_some() && known.is_none(), Status::NEVER_SET);
             if channel.held {
                 status.raise_if(known.is_some(), Status::HELD_INPUT);
-                known.unwrap_or(0.0)
+                known.unwrap_or(channel.unset)
             } else {
                 status.raise_if(value.is_nan(), Status::MISSING);
                 f64::NAN
@@ -247,7 +249,8 @@ fn channels<I: Variables>(rules: &Rules) -> Vec<Channel> {
             let used = !rules.unused.contains(&input.name);
             let acts = matches!(input.unit, "N" | "N.m");
             let slot = if used && (input.held || acts) { slots.next() } else { None };
-            Channel { low, high, held: input.held, used, slot }
+            let unset = if input.optional { f64::NAN } else { 0.0 };
+            Channel { low, high, held: input.held, unset, used, slot }
         })
         .collect()
 }
