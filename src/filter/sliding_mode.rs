@@ -55,7 +55,7 @@ pub struct SlidingMode {
     /// Amplitude `eps` of the smooth switching term, rad/s².
     pub amplitude: f64,
     /// Steepness `a` of the switching term, s/rad.
-    pub width: f64,
+    pub steepness: f64,
     /// Rate `lambda` of the low-passed nominal force, 1/s.
     pub nominal_rate: f64,
     /// Largest force `f_max` that is reported, N; infinite for none.
@@ -117,7 +117,7 @@ impl SlidingMode {
 
     /// The gain inside the layer, `kappa = k + eps a`, at an amplitude, 1/s.
     pub fn layer_gain(&self, amplitude: f64) -> f64 {
-        self.gain + amplitude * self.width
+        self.gain + amplitude * self.steepness
     }
 
     /// The largest layer gain that adaptation can reach, 1/s.
@@ -149,7 +149,7 @@ impl SlidingMode {
             state.started = true;
         }
         let s = speed - state.speed;
-        let injection = self.gain * s + state.amplitude * (self.width * s).tanh();
+        let injection = self.gain * s + state.amplitude * (self.steepness * s).tanh();
         let nominal = state.nominal + if self.feedforward { motion.balance(torque) } else { 0.0 };
         let force = (nominal - motion.force_per_acceleration() * injection).clamp(-self.force_limit, self.force_limit);
 

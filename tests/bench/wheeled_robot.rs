@@ -25,7 +25,7 @@ fn observers_of_four_wheels(bencher: Bencher) {
     let observer = SlidingMode {
         gain: 10.0,
         amplitude: 246.0,
-        width: 20.0 / 246.0,
+        steepness: 20.0 / 246.0,
         nominal_rate: 7.5,
         force_limit: f64::INFINITY,
         feedforward: false,
@@ -85,6 +85,6 @@ fn whole_step(bencher: Bencher) {
     bencher.bench_local(|| {
         estimator.step(black_box(&inputs), 0.01);
         estimator.outputs(&inputs, 0.0, &mut outputs);
-        outputs.speed_x
+        outputs.speed_x.value
     });
 }

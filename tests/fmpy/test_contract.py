@@ -115,8 +115,8 @@ PARAMETERS = {
     "mass.{law,compensate_sway,use_accelerometer} sway.{model,adaptive,use_tilt,use_tilt_rate}",
     "WheeledRobot": "vehicle.{mass,yaw_inertia,cg_to_front,cg_to_rear,track_front,track_rear,cg_height} wheel.{radius,inertia} "
     "tire.{front,rear}.{stiffness,nominal_load,load_sensitivity,shape,friction,friction_slope,curvature} "
-    "observer.{gain,amplitude,width,nominal_rate,feedforward,adaptive,force_limit} "
-    "filter.{channels,gate,minimum_speed,integrator,substeps,use_speed} filter.process_std.{speed_x,speed_y,yaw_rate} "
+    "observer.{gain,amplitude,steepness,nominal_rate,feedforward,adaptive,force_limit} "
+    "filter.{channels,gate,minimum_speed,integrator,substeps,use_speed} filter.process_psd.{speed_x,speed_y,yaw_rate} "
     "filter.measurement_std.{accel_x,accel_y,gyro_z,speed} initial.speed_x",
     "WheelLoader": "loader.{mass,wheelbase,wheel_radius_front,wheel_radius_rear,axle_inertia_front,axle_inertia_rear,"
     "bucket_reach,bucket_height} rolling.coefficient tire.friction start.{slip_stiffness,cg_height,cg_ratio} "

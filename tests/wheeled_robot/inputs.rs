@@ -1,104 +1,14 @@
 //! What the wheeled robot's estimator makes of bad inputs, gaps, standstill and wrong parameters.
 
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
+use super::drive::{DT, drive, parameters, run};
+use wheelstate::estimator::Diagnostics;
 use wheelstate::estimator::wheeled_robot::{Channels, Inputs, Outputs, Parameters, WheeledRobot};
-use wheelstate::plant::wheeled_robot::{Controls, Machine, TireLaw};
 use wheelstate::{Estimator, Status, Variables};
-
-const DT: f64 = 0.01;
-
-fn machine() -> Machine {
-    let tire = TireLaw {
-        stiffness: 1318.464,
-        nominal: 147.15,
-        sensitivity: 2.0,
-        shape: 1.4,
-        friction: 0.8,
-        friction_slope: -0.1,
-        curvature: -0.2,
-    };
-    Machine {
-        mass: 60.0,
-        yaw_inertia: 7.5,
-        arms: [0.38, 0.42],
-        tracks: [0.60, 0.62],
-        height: 0.25,
-        radius: 0.15,
-        wheel_inertia: 0.06,
-        tires: [tire.clone(), tire],
-        ground: 1.0,
-        slip_law: [1.6, 12.0],
-        rolling: 0.0,
-        combined: false,
-        guard: 0.5,
-        brake_fade: 0.5,
-    }
-}
-
-/// Sensors of a robot that snakes at 3 m/s (or stands), with the true motion.
-fn drive(seed: u64, seconds: f64, speed: f64, swing: f64) -> Vec<(Inputs, [f64; 3])> {
-    let machine = machine();
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut noise = |std: f64| std * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng);
-    let mut x = machine.rolling_at(speed);
-    (0..(seconds / DT) as usize)
-        .map(|k| {
-            let steer = swing * (2.5 * k as f64 * DT).sin();
-            let torque = 0.1 * (speed - x[0]).clamp(-5.0, 5.0) * 9.0;
-            let controls = Controls { steering: steer, drive: [torque; 4], brake: [0.0; 4] };
-            let truth = machine.truth(&x, &controls);
-            let sample = Inputs {
-                steering_angle: steer + noise(0.003),
-                drive_torque_fl: torque + noise(0.05),
-                drive_torque_fr: torque + noise(0.05),
-                drive_torque_rl: torque + noise(0.05),
-                drive_torque_rr: torque + noise(0.05),
-                wheel_speed_fl: x[3] + noise(0.03),
-                wheel_speed_fr: x[4] + noise(0.03),
-                wheel_speed_rl: x[5] + noise(0.03),
-                wheel_speed_rr: x[6] + noise(0.03),
-                accel_x: truth.accel[0] + noise(0.1),
-                accel_y: truth.accel[1] + noise(0.1),
-                gyro_z: x[2] + noise(0.01),
-                speed: f64::NAN,
-                ..Inputs::default()
-            };
-            let motion = [x[0], x[1], x[2]];
-            x = machine.advance(&x, DT, |_| controls);
-            (sample, motion)
-        })
-        .collect()
-}
-
-fn parameters(channels: Channels) -> Parameters {
-    let mut p = Parameters::default();
-    p.filter.channels = channels;
-    p.initial.speed_x = 3.0;
-    p
-}
-
-fn run(p: &Parameters, log: &[(Inputs, [f64; 3])], spoil: impl Fn(usize, &mut Inputs)) -> Vec<Outputs> {
-    let mut estimator = WheeledRobot::new(p).unwrap();
-    log.iter()
-        .enumerate()
-        .map(|(k, (inputs, _))| {
-            let mut inputs = inputs.clone();
-            spoil(k, &mut inputs);
-            estimator.step(&inputs, DT);
-            let mut outputs = Outputs::default();
-            estimator.outputs(&inputs, 0.0, &mut outputs);
-            assert!(outputs.to_vec().iter().all(|v| v.is_finite()), "sample {k}: {outputs:?}");
-            outputs
-        })
-        .collect()
-}
 
 fn rmse(outputs: &[Outputs], log: &[(Inputs, [f64; 3])]) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for (o, (_, x)) in outputs.iter().zip(log).skip(100) {
-        let errors = [o.speed_x - x[0], o.speed_y - x[1], o.yaw_rate - x[2]];
+        let errors = [o.speed_x.value - x[0], o.speed_y.value - x[1], o.yaw_rate.value - x[2]];
         sum.iter_mut().zip(errors).for_each(|(sum, e)| *sum += e * e);
     }
     sum.map(|s| (s / (log.len() - 100) as f64).sqrt())
@@ -110,14 +20,16 @@ fn standstill() {
     let mut p = parameters(Channels::WheelSpeed);
     p.initial.speed_x = 0.0;
     for o in run(&p, &log, |_, _| {}).iter().skip(20) {
-        assert!(o.speed_x.abs() < 0.15 && o.speed_y.abs() < 0.05 && o.yaw_rate.abs() < 0.05, "{o:?}");
-        assert!(o.status.contains(Status::STANDSTILL) && o.healthy);
+        let motion = [o.speed_x, o.speed_y, o.yaw_rate].map(|estimate| estimate.value.abs());
+        assert!(motion[0] < 0.15 && motion[1] < 0.05 && motion[2] < 0.05, "{o:?}");
+        assert!(o.diagnostics.status.contains(Status::STANDSTILL) && o.diagnostics.healthy);
     }
     for channels in [Channels::Patent, Channels::Gyro] {
         p.filter.channels = channels;
         for (k, o) in run(&p, &log, |_, _| {}).iter().enumerate().skip(100) {
-            assert!(o.status.contains(Status::UNOBSERVABLE) && !o.healthy, "{channels:?} {k}: {}", o.status);
-            assert!(o.speed_x_std > 0.1, "{channels:?} {k}: {}", o.speed_x_std);
+            let Diagnostics { status, healthy, .. } = o.diagnostics;
+            assert!(status.contains(Status::UNOBSERVABLE) && !healthy, "{channels:?} {k}: {status}");
+            assert!(o.speed_x.std > 0.1, "{channels:?} {k}: {}", o.speed_x.std);
         }
     }
 }
@@ -127,16 +39,17 @@ fn straight_driving_hides_the_speed_from_accelerometers() {
     let straight = drive(2, 10.0, 3.0, 0.0);
     for channels in [Channels::Patent, Channels::Gyro] {
         let end = run(&parameters(channels), &straight, |_, _| {}).pop().unwrap();
-        assert!(end.status.contains(Status::UNOBSERVABLE) && !end.healthy, "{channels:?}: {}", end.status);
-        let error = end.speed_x - straight.last().unwrap().1[0];
-        println!("straight, {channels:?}: error {error:.3} m/s, claimed {:.3} m/s", end.speed_x_std);
-        assert!(error.abs() < 3.0 * end.speed_x_std);
+        let Diagnostics { status, healthy, .. } = end.diagnostics;
+        assert!(status.contains(Status::UNOBSERVABLE) && !healthy, "{channels:?}: {status}");
+        let error = end.speed_x.value - straight.last().unwrap().1[0];
+        println!("straight, {channels:?}: error {error:.3} m/s, claimed {:.3} m/s", end.speed_x.std);
+        assert!(error.abs() < 3.0 * end.speed_x.std);
     }
     let end = run(&parameters(Channels::WheelSpeed), &straight, |_, _| {}).pop().unwrap();
-    assert!(end.status == Status::OK && end.healthy && end.speed_x_std < 0.05);
+    assert!(end.diagnostics.status == Status::OK && end.diagnostics.healthy && end.speed_x.std < 0.05);
     // while it snakes, the gyroscope's filter sees the speed
     let snake = drive(2, 10.0, 3.0, 0.15);
-    let healthy = run(&parameters(Channels::Gyro), &snake, |_, _| {}).iter().skip(200).all(|o| o.healthy);
+    let healthy = run(&parameters(Channels::Gyro), &snake, |_, _| {}).iter().skip(200).all(|o| o.diagnostics.healthy);
     assert!(healthy);
 }
 
@@ -150,15 +63,16 @@ fn missing_and_infinite_samples() {
     let log = drive(3, 10.0, 3.0, 0.15);
     let p = parameters(Channels::WheelSpeed);
     let whole = rmse(&run(&p, &log, |_, _| {}), &log);
-    // a second without anything: the doubt grows, and then it recovers
+    // a second without anything: the doubt grows until nothing is healthy, and then it recovers
     let gap = run(&p, &log, |k, i| {
-        if (400..500).contains(&k) {
+        if (400..510).contains(&k) {
             nothing(i)
         }
     });
-    println!("speed_x_std before {:.4}, after a second {:.4}", gap[399].speed_x_std, gap[499].speed_x_std);
-    assert!(gap[499].speed_x_std > 0.15 && gap[499].speed_x_std < 0.4 && !gap[499].healthy);
-    assert!((gap[520].speed_x - log[520].1[0]).abs() < 0.1 && gap[520].healthy);
+    println!("speed_x_std before {:.4}, after a second {:.4}", gap[399].speed_x.std, gap[499].speed_x.std);
+    assert!(gap[499].speed_x.std > 0.15 && gap[499].speed_x.std < 0.4 && !gap[509].diagnostics.healthy);
+    assert!(gap[499].diagnostics.status.contains(Status::NO_MEASUREMENT));
+    assert!((gap[520].speed_x.value - log[520].1[0]).abs() < 0.1 && gap[520].diagnostics.healthy);
     // infinite inputs are missing ones; single missing inputs are held or left out
     for spoil in [
         |i: &mut Inputs| i.accel_y = f64::INFINITY,
@@ -171,7 +85,7 @@ fn missing_and_infinite_samples() {
                 spoil(i)
             }
         });
-        assert!(out[300].status.contains(Status::INFINITE), "{}", out[300].status);
+        assert!(out[300].diagnostics.status.contains(Status::INFINITE), "{}", out[300].diagnostics.status);
         assert!(rmse(&out, &log)[0] < 1.2 * whole[0]);
     }
     let out = run(&p, &log, |k, i| {
@@ -179,13 +93,13 @@ fn missing_and_infinite_samples() {
             i.steering_angle = f64::NAN
         }
     });
-    assert!(out[300].status.contains(Status::HELD_INPUT));
+    assert_eq!(out[300].diagnostics.status, Status::HELD_INPUT);
     let out = run(&p, &log, |k, i| {
         if k == 300 {
             i.accel_x = 1e6
         }
     });
-    assert!(out[300].status.contains(Status::IMPLAUSIBLE));
+    assert!(out[300].diagnostics.status.contains(Status::IMPLAUSIBLE));
 }
 
 #[test]
@@ -199,8 +113,8 @@ fn an_outlier_is_gated() {
                 i.accel_y = 100.0
             }
         });
-        assert_eq!(out[400].status.contains(Status::GATED), gate > 0.0);
-        out.iter().zip(&log).skip(400).map(|(o, (_, x))| (o.speed_y - x[1]).abs()).fold(0.0, f64::max)
+        assert_eq!(out[400].diagnostics.status.contains(Status::GATED), gate > 0.0);
+        out.iter().zip(&log).skip(400).map(|(o, (_, x))| (o.speed_y.value - x[1]).abs()).fold(0.0, f64::max)
     };
     let (open, gated) = (peak(0.0), peak(9.0));
     println!("lateral speed error after one sample of 100 m/s2: {open:.3} m/s, gated {gated:.3} m/s");
@@ -209,7 +123,7 @@ fn an_outlier_is_gated() {
     let mut p = parameters(Channels::WheelSpeed);
     (p.filter.gate, p.initial.speed_x, p.initial.speed_x_std) = (9.0, 3.0, 0.01);
     let out = run(&p, &log, |_, i| i.gyro_z += 1.0);
-    assert!(out.iter().filter(|o| !o.status.contains(Status::GATED)).count() > 50);
+    assert!(out.iter().filter(|o| !o.diagnostics.status.contains(Status::GATED)).count() > 50);
 }
 
 #[test]
@@ -221,13 +135,10 @@ fn time_steps() {
     });
     let before = estimator.state().clone();
     for dt in [0.0, -0.01, f64::NAN, f64::INFINITY] {
-        assert!(estimator.step(&log[200].0, dt).contains(Status::BAD_STEP), "{dt}");
-        let mut out = Outputs::default();
-        estimator.outputs(&log[200].0, 0.0, &mut out);
-        assert!(!out.healthy);
-        estimator.restore(&before).unwrap();
+        assert_eq!(estimator.step(&log[200].0, dt), Status::BAD_STEP | Status::SKIPPED, "{dt}");
+        assert_eq!(estimator.state(), &before, "{dt}");
     }
-    // a gap of half a second is predicted through, one of five seconds starts anew
+    // a gap of half a second is predicted through, one of five seconds is a new start
     assert_eq!(estimator.step(&log[250].0, 0.5), Status::OK);
     assert!(estimator.step(&log[300].0, 5.0).contains(Status::RESTARTED));
     let mut out = Outputs::default();
@@ -235,7 +146,7 @@ fn time_steps() {
         estimator.step(inputs, DT);
         estimator.outputs(inputs, 0.0, &mut out);
     });
-    assert!((out.speed_x - log[399].1[0]).abs() < 0.1 && out.healthy);
+    assert!((out.speed_x.value - log[399].1[0]).abs() < 0.1 && out.diagnostics.healthy);
     // a state repeats its bytes, and one that is not finite is refused
     let mut again = WheeledRobot::new(&parameters(Channels::WheelSpeed)).unwrap();
     again.restore(&before).unwrap();
@@ -268,7 +179,7 @@ fn parameters_are_refused_by_name() {
         ("tire.rear.stiffness", 0.0),
         ("tire.front.friction", 0.0),
         ("filter.measurement_std.gyro_z", 0.0),
-        ("filter.process_std.speed_x", -1.0),
+        ("filter.process_psd.speed_x", -1.0),
         ("sample_period", 0.0),
     ] {
         let declared = Parameters::declare();
@@ -282,13 +193,13 @@ fn parameters_are_refused_by_name() {
     }
     // the process may be taken as exact
     let mut p = Parameters::default();
-    p.filter.process_std.speed_x = 0.0;
+    p.filter.process_psd.speed_x = 0.0;
     assert!(WheeledRobot::new(&p).is_ok());
     // observer gains: 0.5 is advised, 1 is the limit
     p.observer.gain = 40.0;
-    assert!(WheeledRobot::new(&p).unwrap().warning().unwrap().contains("0.5"));
+    assert!(WheeledRobot::new(&p).unwrap().machine().warning().unwrap().contains("0.5"));
     p.observer.gain = 90.0;
-    assert_eq!(WheeledRobot::new(&p).unwrap_err().name, "observer.width");
+    assert_eq!(WheeledRobot::new(&p).unwrap_err().name, "observer.steepness");
     // integration at low speed
     let mut p = Parameters::default();
     p.filter.substeps = 2;
@@ -314,23 +225,13 @@ fn columns_that_a_log_lacks() {
             accel_y: inputs.accel_y,
             gyro_z: inputs.gyro_z,
             speed,
-            drive_torque_fl: f64::NAN,
-            drive_torque_fr: f64::NAN,
-            drive_torque_rl: f64::NAN,
-            drive_torque_rr: f64::NAN,
-            brake_torque_fl: f64::NAN,
-            brake_torque_fr: f64::NAN,
-            brake_torque_rl: f64::NAN,
-            brake_torque_rr: f64::NAN,
-            wheel_speed_fl: f64::NAN,
-            wheel_speed_fr: f64::NAN,
-            wheel_speed_rl: f64::NAN,
-            wheel_speed_rr: f64::NAN,
+            ..Inputs::default()
         };
     };
     let out = run(&p, &log, |k, i| bare(i, log[k].1[0] + if k % 2 == 0 { 0.03 } else { -0.03 }));
     let error = rmse(&out, &log);
     println!("without torques and wheel speeds: {error:.4?}");
     assert!(error[0] < 0.03 && error[1] < 0.015 && error[2] < 0.0105);
-    assert!(out[700].healthy && out[700].status == Status::MISSING);
+    assert!(out[700].diagnostics.healthy);
+    assert_eq!(out[700].diagnostics.status, Status::MISSING | Status::NEVER_SET);
 }

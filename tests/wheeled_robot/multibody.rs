@@ -25,10 +25,10 @@ fn car(fitted: bool, friction: f64) -> Parameters {
         (tire.friction, tire.friction_slope) = (1.049 * friction, -0.15 * friction);
     }
     let o = &mut p.observer;
-    (o.gain, o.amplitude, o.width, o.nominal_rate) = (10.0, 400.0, 0.1, 12.5);
-    o.torque_std = 10.0;
-    let q = &mut p.filter.process_std;
-    (q.speed_x, q.speed_y, q.yaw_rate) = (0.02, 0.03, 0.01);
+    (o.gain, o.amplitude, o.steepness, o.nominal_rate) = (10.0, 400.0, 0.1, 12.5);
+    o.measurement_std.torque = 10.0;
+    let q = &mut p.filter.process_psd;
+    (q.speed_x, q.speed_y, q.yaw_rate) = (0.04, 0.09, 0.01);
     let r = &mut p.filter.measurement_std;
     (r.accel_x, r.accel_y, r.gyro_z, r.speed) = (0.15, 0.6, 0.006, 0.1);
     (p.filter.minimum_speed, p.filter.substeps) = (1.0, 4);
@@ -72,17 +72,17 @@ fn errors(table: &Table, p: &Parameters) -> ([f64; 5], [f64; 3]) {
         }
         let truth = four("true_wheel_force_x");
         let force = [out.wheel_force_x_fl, out.wheel_force_x_fr, out.wheel_force_x_rl, out.wheel_force_x_rr];
+        let force = force.map(|force| force.value);
         for i in 0..4 {
             sum[0] += 0.25 * (force[i] - truth[i]).powi(2);
             sum[1] += 0.25 * (torque[i] / p.wheel.radius - truth[i]).powi(2);
         }
-        for (i, error, std) in [
-            (0, out.speed_x - at("true_speed_x"), out.speed_x_std),
-            (1, out.speed_y - at("true_speed_y"), out.speed_y_std),
-            (2, out.yaw_rate - at("gyro_z"), out.yaw_rate_std),
-        ] {
+        for (i, estimate, truth) in
+            [(0, out.speed_x, "true_speed_x"), (1, out.speed_y, "true_speed_y"), (2, out.yaw_rate, "gyro_z")]
+        {
+            let error = estimate.value - at(truth);
             sum[2 + i] += error * error;
-            claimed[i] += (error / std).powi(2);
+            claimed[i] += (error / estimate.std).powi(2);
         }
         count += 1.0;
     }

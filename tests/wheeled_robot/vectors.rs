@@ -120,7 +120,7 @@ fn sliding_mode_observer() {
         let observer = SlidingMode {
             gain: number("k"),
             amplitude: number("eps"),
-            width: number("a"),
+            steepness: number("a"),
             nominal_rate: number("lam"),
             force_limit: number("f_max"),
             feedforward: v["feedforward"].as_bool().unwrap(),

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 Examples:
   identify tune wheeled-robot log.csv --out tune.json
   identify tune wheeled-robot sine.csv steps.csv --held-out lane.csv --seed 3 --pop 30 --iters 60 --out tune.json
-  identify tune wheeled-robot log.csv --floors off --only filter.process_std.speed_y")]
+  identify tune wheeled-robot log.csv --floors off --only filter.process_psd.speed_y")]
 pub(super) struct TuneArgs {
     /// The machine.
     #[arg(value_parser = vehicle_parser())]

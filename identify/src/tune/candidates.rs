@@ -23,10 +23,11 @@ pub struct Candidate {
 
 /// Whether a parameter is a noise setting, and then whether it is of a measurement.
 fn noise(variable: &Variable) -> Option<bool> {
-    if variable.measurement_noise || variable.process_noise {
-        return Some(variable.measurement_noise);
-    }
-    let name = &variable.name;
+    (variable.measurement_noise || variable.process_noise).then_some(variable.measurement_noise)
+}
+
+/// The same for machines whose declarations do not say it: by the name.
+fn noise_by_name(name: &str) -> Option<bool> {
     if name.starts_with("filter.measurement") {
         return Some(true);
     }
@@ -52,9 +53,11 @@ pub fn candidates(
     let find = |list: &[(String, f64)], variable: &Variable| {
         list.iter().find(|(name, _)| *name == variable.name).map(|(_, value)| *value)
     };
+    let declared_so = declared.iter().any(|variable| noise(variable).is_some());
+    let role = |variable: &Variable| if declared_so { noise(variable) } else { noise_by_name(&variable.name) };
     let usable = |(index, variable): (usize, &Variable)| {
         let start = base[index];
-        let measurement = noise(variable).filter(|_| variable.kind == Kind::Real && start > 0.0)?;
+        let measurement = role(variable).filter(|_| variable.kind == Kind::Real && start > 0.0)?;
         let power = is_power(variable);
         let square = if power { 2 } else { 1 };
         let usual = if measurement { MEASUREMENT_SHARE } else { PROCESS_SHARE }.powi(square) * start;

@@ -1,6 +1,7 @@
 //! The wheeled robot's estimator on its own plant: accuracy, consistency, observability.
 
 use wheelstate::estimator::wheeled_robot::{Channels, Outputs, Parameters, WheeledRobot};
+use wheelstate::variable::Estimate;
 use wheelstate::{Estimator, Status};
 use wheelstate_identify::log::Log;
 use wheelstate_identify::simulate::Request;
@@ -66,24 +67,20 @@ fn errors(log: &Log, outputs: &[Outputs]) -> [f64; 3] {
 
 /// As [`errors`], each error over the standard deviation that the filter claims.
 fn claimed_errors(log: &Log, outputs: &[Outputs]) -> [f64; 3] {
-    errors_over(log, outputs, |o| [o.speed_x_std, o.speed_y_std, o.yaw_rate_std])
+    errors_over(log, outputs, |o| [o.speed_x.std, o.speed_y.std, o.yaw_rate.std])
 }
 
 fn errors_over(log: &Log, outputs: &[Outputs], scale: impl Fn(&Outputs) -> [f64; 3]) -> [f64; 3] {
     let truth = ["true_speed_x", "true_speed_y", "true_yaw_rate"].map(|name| log.channel(name).unwrap());
     let error = |i: usize, k: usize| {
         let o = &outputs[k];
-        ([o.speed_x, o.speed_y, o.yaw_rate][i] - truth[i][k]) / scale(o)[i]
+        ([o.speed_x, o.speed_y, o.yaw_rate][i].value - truth[i][k]) / scale(o)[i]
     };
     std::array::from_fn(|i| rms((100..log.len()).map(|k| error(i, k))))
 }
 
-fn forces(o: &Outputs) -> [f64; 4] {
+fn forces(o: &Outputs) -> [Estimate; 4] {
     [o.wheel_force_x_fl, o.wheel_force_x_fr, o.wheel_force_x_rl, o.wheel_force_x_rr]
-}
-
-fn force_stds(o: &Outputs) -> [f64; 4] {
-    [o.wheel_force_x_fl_std, o.wheel_force_x_fr_std, o.wheel_force_x_rl_std, o.wheel_force_x_rr_std]
 }
 
 fn true_forces(log: &Log) -> [&[f64]; 4] {
@@ -106,7 +103,8 @@ fn force_errors(log: &Log, outputs: &[Outputs]) -> (f64, f64) {
     let each = |k: usize| (0..4).map(move |i| (k, i));
     let pairs: Vec<(f64, f64)> = (10..log.len())
         .flat_map(each)
-        .map(|(k, i)| (forces(&outputs[k])[i] - truth[i][k], force_stds(&outputs[k])[i]))
+        .map(|(k, i)| (forces(&outputs[k])[i], truth[i][k]))
+        .map(|(force, truth)| (force.value - truth, force.std))
         .collect();
     (rms(pairs.iter().map(|p| p.0)), pairs.iter().map(|p| (p.0 / p.1).powi(2)).sum::<f64>() / pairs.len() as f64)
 }
@@ -116,7 +114,7 @@ fn seeds(scenario: &str, count: u64) -> Vec<Log> {
 }
 
 #[test]
-fn wheel_forces_are_found_and_their_errors_foretold() {
+fn wheel_forces_are_found_and_their_errors_predicted() {
     let mut p = Parameters::default();
     for (scenario, limit) in [("sine", 0.52), ("accelerate-brake", 1.8), ("vector", 0.65), ("lane-change", 0.52)] {
         for log in seeds(scenario, 3) {
@@ -141,7 +139,7 @@ fn wheel_forces_are_found_and_their_errors_foretold() {
     let log = self::log("accelerate-brake", 0);
     let (plain, _) = force_errors(&log, &run(&log, &p));
     (p.observer.feedforward, p.observer.gain, p.observer.nominal_rate) = (true, 5.0, 5.0);
-    (p.observer.amplitude, p.observer.width) = (60.0, 0.25);
+    (p.observer.amplitude, p.observer.steepness) = (60.0, 0.25);
     let (feedforward, _) = force_errors(&log, &run(&log, &p));
     println!("accelerate-brake: {plain:.3} N, with feedforward {feedforward:.3} N");
     assert!(feedforward < plain);
@@ -154,7 +152,7 @@ fn a_torque_bias_goes_into_the_force_as_it_must() {
     let (clean, biased) = (log("lane-change", 1), log_with("lane-change", 1, &[("noise.torque_bias", 0.3)]));
     let mean = |log: &Log| {
         let (out, truth) = (run(log, &p), true_forces(log));
-        (0..4).map(|i| (100..log.len()).map(|k| forces(&out[k])[i] - truth[i][k]).sum::<f64>()).sum::<f64>()
+        (0..4).map(|i| (100..log.len()).map(|k| forces(&out[k])[i].value - truth[i][k]).sum::<f64>()).sum::<f64>()
             / (4 * (log.len() - 100)) as f64
     };
     let offset = mean(&biased) - mean(&clean);
@@ -190,12 +188,12 @@ fn motion_with_wheel_speeds_in_all_scenarios() {
         let logs = seeds(scenario, 2);
         let found = mean_errors(&logs, &p);
         let outputs = run(&logs[0], &p);
-        let nis = outputs.iter().map(|o| o.nis).sum::<f64>() / outputs.len() as f64;
+        let nis = outputs.iter().map(|o| o.diagnostics.nis).sum::<f64>() / outputs.len() as f64;
         println!("{scenario}: {found:.4?}, NIS per channel {nis:.2}");
         assert!(found[1] <= 0.0095 && found[2] <= 0.0105, "{scenario} {found:?}");
         assert!(found[0] <= 0.03, "{scenario} {found:?}");
         assert!((0.2..2.0).contains(&nis), "{scenario} {nis}");
-        assert!(outputs.iter().all(|o| o.healthy && o.status == Status::OK), "{scenario}");
+        assert!(outputs.iter().all(|o| o.diagnostics.healthy && o.diagnostics.status == Status::OK), "{scenario}");
     }
 }
 
@@ -208,7 +206,7 @@ fn every_second_sample_missing() {
     for (scenario, limit) in SCENARIOS.map(|s| (s, if s == "lane-change" || s == "step-steer" { 1.25 } else { 1.2 })) {
         let (p, logs) = (parameters(scenario, Channels::WheelSpeed), seeds(scenario, 8));
         let halved = run_halved(&logs[0], &p);
-        assert!(halved[301].status.contains(Status::MISSING) && halved[301].status.contains(Status::NO_MEASUREMENT));
+        assert!(halved[301].diagnostics.status.contains(Status::MISSING | Status::NO_MEASUREMENT));
         let (whole, half) = (mean_errors(&logs, &p), mean(&logs, |log| errors(log, &run_halved(log, &p))));
         let cost: [f64; 3] = std::array::from_fn(|i| half[i] / whole[i]);
         println!("{scenario}: {cost:.3?} of {whole:.4?}");
@@ -222,31 +220,31 @@ fn every_second_sample_missing() {
     assert!(cost < 1.18);
 }
 
-/// With the source's noise settings the errors on a straight are those that the filter's equations foretell
+/// With the source's noise settings the errors on a straight are those that the filter's equations predict
 /// (`tests/oracles/wheeled_robot_half_rate.py`, which shares no code with the estimator).
 #[test]
-fn errors_are_those_that_the_equations_foretell() {
+fn errors_are_those_that_the_equations_predict() {
     let mut p = parameters("vector", Channels::WheelSpeed);
-    p.filter.steering_std = 0.0;
+    p.filter.measurement_std.steering_angle = 0.0;
     let found = mean_errors(&seeds("vector", 8), &p);
     println!("vector: {found:.5?}");
-    for (found, foretold) in found.into_iter().zip([1.41e-3, 5.60e-3, 8.22e-3]) {
-        assert!((found / foretold - 1.0).abs() < 0.05, "{found}, foretold {foretold}");
+    for (found, predicted) in found.into_iter().zip([1.41e-3, 5.60e-3, 8.22e-3]) {
+        assert!((found / predicted - 1.0).abs() < 0.05, "{found}, predicted {predicted}");
     }
 }
 
-/// The noise of the steering angle moves the force which the model expects; unsaid, as in the source, speed_y_std is
-/// too small, and said it is right and the estimate better.
+/// The noise of the steering angle moves the force which the model expects; left out, as in the source, speed_y_std
+/// is too small; counted, it is right and the estimate better.
 #[test]
 fn the_noise_of_the_steering_angle_belongs_to_the_lateral_acceleration() {
     for scenario in SCENARIOS {
         let logs = seeds(scenario, 3);
-        let told = parameters(scenario, Channels::WheelSpeed);
-        let mut p = told.clone();
-        p.filter.steering_std = 0.0;
+        let counted = parameters(scenario, Channels::WheelSpeed);
+        let mut p = counted.clone();
+        p.filter.measurement_std.steering_angle = 0.0;
         let claimed = |p: &Parameters| mean(&logs, |log| claimed_errors(log, &run(log, p)));
-        let (before, after) = (claimed(&p), claimed(&told));
-        let (error, better) = (mean_errors(&logs, &p)[1], mean_errors(&logs, &told)[1]);
+        let (before, after) = (claimed(&p), claimed(&counted));
+        let (error, better) = (mean_errors(&logs, &p)[1], mean_errors(&logs, &counted)[1]);
         println!("{scenario}: errors over std {before:.2?} -> {after:.2?}, speed_y {error:.4} -> {better:.4} m/s");
         assert!((1.3..1.8).contains(&before[1]) && (0.8..1.1).contains(&after[1]), "{scenario}");
         assert!((0.8..1.1).contains(&after[2]) && after[0] < 1.0 && better < error, "{scenario}");

@@ -24,15 +24,23 @@ fn recording(name: &str, map: &str) -> Option<Log> {
 
 fn niki() -> Parameters {
     let mut p = car(1926.2, 2763.49, 1.264, 1.367, 1.55, 0.55, 0.318);
-    p.sample_period = 0.005;
+    with_period(&mut p, 0.005);
     (p.tire.front.stiffness, p.tire.rear.stiffness) = (45e3, 67e3);
     p
 }
 
 fn revs() -> Parameters {
     let mut p = car(982.0, 982.0 / 12.0 * (1.7f64.powi(2) + 4.09f64.powi(2)), 1.33, 1.07, 1.35, 0.45, 0.32);
+    with_period(&mut p, 0.01);
     (p.tire.front.stiffness, p.tire.rear.stiffness) = (30.5e3, 47.5e3);
     p
+}
+
+/// Samples this far apart, with a process noise of 0.05 m/s, 0.003 m/s and 0.01 rad/s per sample.
+fn with_period(p: &mut Parameters, period: f64) {
+    p.sample_period = period;
+    let q = &mut p.filter.process_psd;
+    [q.speed_x, q.speed_y, q.yaw_rate] = [0.05f64, 0.003, 0.01].map(|std| std * std / period);
 }
 
 fn car(mass: f64, inertia: f64, front: f64, rear: f64, track: f64, height: f64, radius: f64) -> Parameters {
@@ -50,8 +58,6 @@ fn car(mass: f64, inertia: f64, front: f64, rear: f64, track: f64, height: f64, 
     p.filter.channels = Channels::Gyro;
     p.filter.use_speed = true;
     p.filter.minimum_speed = 1.0;
-    let q = &mut p.filter.process_std;
-    (q.speed_x, q.speed_y, q.yaw_rate) = (0.05, 0.003, 0.01);
     let r = &mut p.filter.measurement_std;
     (r.accel_x, r.accel_y, r.gyro_z, r.speed) = (0.5, 3.0, 0.01, 0.05);
     p
@@ -66,7 +72,7 @@ fn run(log: &Log, p: &Parameters) -> Vec<Outputs> {
 fn rmse(log: &Log, out: &[Outputs]) -> f64 {
     let truth = log.channel("speed_y").unwrap();
     let errors: Vec<f64> =
-        out.iter().zip(truth).map(|(o, t)| (o.speed_y - t).powi(2)).filter(|e| e.is_finite()).collect();
+        out.iter().zip(truth).map(|(o, t)| (o.speed_y.value - t).powi(2)).filter(|e| e.is_finite()).collect();
     (errors.iter().sum::<f64>() / errors.len() as f64).sqrt()
 }
 

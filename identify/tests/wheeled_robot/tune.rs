@@ -43,8 +43,9 @@ fn judge(log: &Log, p: &Parameters) -> ([f64; 3], f64, f64) {
         if k < 100 {
             return;
         }
-        let errors = [o.speed_x - truth[0][k], o.speed_y - truth[1][k], o.yaw_rate - truth[2][k]];
-        let stds = [o.speed_x_std, o.speed_y_std, o.yaw_rate_std];
+        let estimates = [o.speed_x, o.speed_y, o.yaw_rate];
+        let errors: [f64; 3] = std::array::from_fn(|i| estimates[i].value - truth[i][k]);
+        let stds = estimates.map(|estimate| estimate.std);
         (0..3).for_each(|i| square[i] += errors[i] * errors[i]);
         nees += errors.iter().zip(stds).map(|(e, s)| (e / s).powi(2)).sum::<f64>() / 3.0;
         output += o.output_error;

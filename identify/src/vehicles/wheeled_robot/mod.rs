@@ -20,19 +20,21 @@ pub static VEHICLE: Vehicle = Vehicle {
     body_tree: false,
 };
 
-/// `(2 sigma_F/m, Kf sigma_delta/m, lf Kf sigma_delta/Iz) dt`, `Kf` of both front wheels: no model predicts better.
+/// Power spectral densities of the accelerations `2 sigma_F/m, Kf sigma_delta/m, lf Kf sigma_delta/Iz` held over a sample
+/// period, `Kf` of both front wheels: no model predicts better.
 fn noise_floors(parameters: &[f64]) -> Vec<(String, f64)> {
     let mut p = Parameters::default();
     p.read(parameters);
     let (v, o, dt) = (&p.vehicle, &p.observer, p.sample_period);
-    let kappa = (o.gain + o.amplitude * o.width).min(1.9 / dt);
-    let force = p.wheel.inertia / p.wheel.radius * kappa * o.wheel_speed_std * (2.0 / (2.0 - kappa * dt)).sqrt();
+    let kappa = (o.gain + o.amplitude * o.steepness).min(1.9 / dt);
+    let noise = o.measurement_std.wheel_speed * (2.0 / (2.0 - kappa * dt)).sqrt();
+    let force = p.wheel.inertia / p.wheel.radius * kappa * noise;
     let steered = p.steering_acceleration_std();
     [
-        ("filter.process_std.speed_x", 2.0 * force / v.mass),
-        ("filter.process_std.speed_y", steered),
-        ("filter.process_std.yaw_rate", v.cg_to_front * v.mass * steered / v.yaw_inertia),
+        ("filter.process_psd.speed_x", 2.0 * force / v.mass),
+        ("filter.process_psd.speed_y", steered),
+        ("filter.process_psd.yaw_rate", v.cg_to_front * v.mass * steered / v.yaw_inertia),
     ]
-    .map(|(name, rate)| (name.to_owned(), rate * dt))
+    .map(|(name, acceleration)| (name.to_owned(), acceleration * acceleration * dt))
     .to_vec()
 }

@@ -184,12 +184,12 @@ fn observe(log: &Log, p: &Parameters, wheel: usize, speeds: Option<&[f64]>) -> V
     let period = log.period();
     let o = &p.observer;
     // a slowly sampled log cannot bear the gain of a fast one
-    let kappa = o.gain + o.amplitude * o.width;
+    let kappa = o.gain + o.amplitude * o.steepness;
     let shrink = (0.5 / (kappa * period)).min(1.0);
     let observer = SlidingMode {
         gain: o.gain * shrink,
         amplitude: o.amplitude * shrink,
-        width: o.width,
+        steepness: o.steepness,
         nominal_rate: o.nominal_rate * shrink,
         force_limit: o.force_limit,
         feedforward: o.feedforward,

@@ -1,0 +1,83 @@
+//! Outputs from the state: the estimates carried forward, and their standard deviations.
+
+use super::variables::Outputs;
+use super::{RobotMachine, State};
+use crate::filter::gaussian::FactoredGaussian;
+use crate::model::wheeled_robot::{Drive, Driven, Motion, Wheels};
+use crate::variable::Estimate;
+use nalgebra::Vector3;
+use std::f64::consts::PI;
+
+fn std_along(belief: &FactoredGaussian<3>, gradient: [f64; 3]) -> f64 {
+    belief.variance_along(&Vector3::from(gradient)).sqrt()
+}
+
+fn estimates(value: &Wheels, std: &Wheels) -> [Estimate; 4] {
+    std::array::from_fn(|i| Estimate::new(value[i], std[i]))
+}
+
+impl RobotMachine {
+    pub(super) fn report(&self, state: &State, steering: f64, horizon: f64, out: &mut Outputs) {
+        let State { belief, forces, .. } = state;
+        let drive = Drive::new(steering, forces.force);
+        let driven = self.model.driven(&drive);
+        let mut x = Motion::from(belief.mean);
+        let (mut load, mut lateral) = (state.load, state.lateral);
+        if horizon > 0.0 {
+            let steps = (horizon / self.parameters.sample_period).ceil().max(1.0);
+            for _ in 0..steps as u32 {
+                [x] = self.integration.advance(&driven, [x], horizon / steps, x[0]);
+            }
+            let [carried] = driven.forces_of(&[x]);
+            (load, lateral) = (carried.load, carried.lateral);
+        }
+
+        let [vx, vy, r] = x;
+        out.speed_x = Estimate::new(vx, belief.std(0).max(state.speed.std()));
+        out.speed_y = Estimate::new(vy, belief.std(1));
+        out.yaw_rate = Estimate::new(r, belief.std(2));
+        let square = vx * vx + vy * vy;
+        out.sideslip = if square > self.parameters.filter.minimum_speed.powi(2) {
+            Estimate::new(vy.atan2(vx), std_along(belief, [-vy / square, vx / square, 0.0]))
+        } else {
+            // at rest the direction of motion is anything
+            Estimate::new(0.0, PI / 3f64.sqrt())
+        };
+
+        let lateral_std = self.lateral_std(belief, &x, &drive, &driven, &load);
+        [out.wheel_force_x_fl, out.wheel_force_x_fr, out.wheel_force_x_rl, out.wheel_force_x_rr] =
+            estimates(&forces.force, &forces.force_std);
+        [out.wheel_force_y_fl, out.wheel_force_y_fr, out.wheel_force_y_rl, out.wheel_force_y_rr] =
+            estimates(&lateral, &lateral_std);
+        [out.wheel_load_fl, out.wheel_load_fr, out.wheel_load_rl, out.wheel_load_rr] =
+            estimates(&load, &self.load_std(&forces.force_std, &lateral_std));
+        [out.nis_accel_x, out.nis_accel_y, out.nis_gyro_z, out.nis_speed] = state.nis;
+        out.output_error = state.output_error;
+    }
+
+    /// Standard deviations of the lateral forces from that of the slip angles, through the
+    /// tyres' cornering stiffness, N.
+    fn lateral_std(
+        &self,
+        belief: &FactoredGaussian<3>,
+        x: &Motion,
+        drive: &Drive,
+        driven: &Driven,
+        load: &Wheels,
+    ) -> Wheels {
+        let stiffness = self.model.cornering_stiffness(driven.slip_angles(x), *load, drive);
+        let derivatives = self.model.slip_derivatives(x, drive);
+        std::array::from_fn(|i| stiffness[i].abs() * std_along(belief, derivatives[i]))
+    }
+
+    /// Standard deviations of the wheel loads from those of the forces that shift them, N.
+    fn load_std(&self, longitudinal_std: &Wheels, lateral_std: &Wheels) -> Wheels {
+        let vehicle = &self.model.vehicle;
+        let sum = |list: &Wheels| list.iter().sum::<f64>() / vehicle.mass;
+        // errors of the wheels of one vehicle share their causes, so they are added whole
+        let (ax_std, ay_std) = (sum(longitudinal_std), sum(lateral_std));
+        let [pitch, front, rear] = vehicle.load_transfer();
+        let (pitch, front, rear) = (pitch * ax_std, front * ay_std, rear * ay_std);
+        [pitch.hypot(front), pitch.hypot(front), pitch.hypot(rear), pitch.hypot(rear)]
+    }
+}

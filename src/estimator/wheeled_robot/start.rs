@@ -1,0 +1,55 @@
+//! Where the motion starts: at the first sample, and anew after a gap.
+
+use super::{RobotMachine, State};
+use crate::estimator::Elapsed;
+use crate::filter::gaussian::FactoredGaussian;
+use nalgebra::Vector3;
+
+/// A measured speed that is this many deviations from that at the start takes its place.
+const FAR: f64 = 3.0;
+/// What vehicles usually do while nobody looks: acceleration, m/s², sideslip, rad, and curvature of the path times
+/// wheelbase (one standard deviation).
+const UNSEEN_ACCELERATION: f64 = 2.0;
+const UNSEEN_SIDESLIP: f64 = 0.1;
+const UNSEEN_CURVATURE: f64 = 0.3;
+/// Largest standard deviation of the speed after a gap, m/s.
+const UNKNOWN_SPEED: f64 = 50.0;
+
+impl RobotMachine {
+    /// After a gap: what the vehicle did meanwhile nobody saw. It is taken to have kept about its speed.
+    pub(super) fn bridge_gap(&self, state: &mut State, gap: f64) {
+        let std = UNSEEN_ACCELERATION * gap;
+        let initial = self.parameters.initial.speed_x_std;
+        // The filter's points must still go forward: those in reverse say nothing about this motion.
+        let bounded = initial.hypot(std.min(self.guarded(state.belief.mean[0]) / 3f64.sqrt()));
+        state.belief = self.unseen_motion(state.belief.mean[0], bounded);
+        state.speed.reset(initial.hypot(std).min(UNKNOWN_SPEED), gap);
+        state.forces = self.initial.forces.clone();
+        (state.load, state.lateral) = (self.initial.load, self.initial.lateral);
+        state.rejections = 0;
+    }
+
+    /// Motion of which only the speed is known: it goes about straight on, and slides and turns as vehicles do.
+    fn unseen_motion(&self, speed: f64, speed_std: f64) -> FactoredGaussian<3> {
+        let (initial, fast) = (&self.parameters.initial, self.guarded(speed));
+        let turning = (UNSEEN_CURVATURE / self.model.vehicle.wheelbase() * fast).min(UNSEEN_ACCELERATION / fast);
+        let lateral = initial.speed_y_std.hypot(UNSEEN_SIDESLIP * fast);
+        let std = Vector3::new(speed_std, lateral, initial.yaw_rate_std.hypot(turning));
+        FactoredGaussian::independent(Vector3::new(speed, 0.0, 0.0), &std)
+    }
+
+    /// Magnitude of a speed, at least the minimum speed, m/s.
+    fn guarded(&self, speed: f64) -> f64 {
+        speed.abs().max(self.parameters.filter.minimum_speed)
+    }
+
+    /// A measured speed takes the place of one that is not known, which would only bend the first samples.
+    pub(super) fn start_at(&self, belief: &mut FactoredGaussian<3>, speed: f64, elapsed: Elapsed) {
+        let std = self.parameters.initial.speed_x_std;
+        match elapsed {
+            Elapsed::First if (speed - belief.mean[0]).abs() > FAR * std => belief.mean[0] = speed,
+            Elapsed::Gap(_) => *belief = self.unseen_motion(speed, std),
+            Elapsed::First | Elapsed::Step(_) => {}
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! Whether the wheeled robot's estimator knows how wrong it is: wrong units and signs, noise beyond what was declared,
+//! gaps.
+
+use super::drive::{DT, drive, parameters, run};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use wheelstate::estimator::wheeled_robot::{Channels, Inputs, Outputs, Parameters, WheeledRobot};
+use wheelstate::{Estimator, Status};
+
+fn each_wheel(i: &mut Inputs, change: impl Fn(f64) -> f64) {
+    for speed in [&mut i.wheel_speed_fl, &mut i.wheel_speed_fr, &mut i.wheel_speed_rl, &mut i.wheel_speed_rr] {
+        *speed = change(*speed);
+    }
+}
+
+/// Time after which the measurements contradict, s.
+fn contradicted_after(out: &[Outputs]) -> Option<f64> {
+    let first = out.iter().position(|o| o.diagnostics.status.contains(Status::CONTRADICTED))?;
+    Some(first as f64 * DT)
+}
+
+#[test]
+fn wrong_units_and_signs_are_contradicted_within_three_seconds() {
+    type Spoil = fn(&mut Inputs);
+    let faults: [(&str, Spoil); 6] = [
+        ("gyro in deg/s", |i| i.gyro_z = i.gyro_z.to_degrees()),
+        ("gyro turned", |i| i.gyro_z = -i.gyro_z),
+        ("accelerometer turned", |i| i.accel_y = -i.accel_y),
+        ("wheel speeds in rpm", |i| each_wheel(i, |speed| speed * 60.0 / std::f64::consts::TAU)),
+        ("wheel speeds turned", |i| each_wheel(i, |speed| -speed)),
+        ("steering turned", |i| i.steering_angle = -i.steering_angle),
+    ];
+    for seed in [3, 4] {
+        let log = drive(seed, 10.0, 3.0, 0.3);
+        let p = parameters(Channels::WheelSpeed);
+        assert_eq!(contradicted_after(&run(&p, &log, |_, _| {})), None, "without a fault");
+        for (fault, spoil) in faults {
+            let out = run(&p, &log, |_, i| spoil(i));
+            let after = contradicted_after(&out);
+            let healthy = out[300..].iter().filter(|o| o.diagnostics.healthy).count() as f64 / 700.0;
+            println!("{fault}: contradicted after {after:.2?} s, then healthy {healthy:.2} of the time");
+            assert!(after.is_some_and(|after| after < 3.0) && healthy < 0.02, "{fault} {after:?} {healthy}");
+        }
+    }
+}
+
+/// A car at rest whose accelerometer is far noisier than declared: the filter pushes the car sideways past the peak of
+/// the tyres' force, where the force no longer says how far.
+#[test]
+fn a_noisy_accelerometer_of_a_car_at_rest_is_contradicted_within_two_seconds() {
+    let mut p = Parameters::default();
+    let v = &mut p.vehicle;
+    (v.mass, v.yaw_inertia, v.cg_to_front, v.cg_to_rear) = (1926.2, 2763.49, 1.264, 1.367);
+    (v.track_front, v.track_rear, v.cg_height) = (1.54, 1.54, 0.55);
+    (p.wheel.radius, p.wheel.inertia, p.sample_period) = (0.32, 1.2, 0.005);
+    for (tire, load, stiffness) in [(&mut p.tire.front, 4909.0, 42_722.0), (&mut p.tire.rear, 4539.0, 90_571.0)] {
+        (tire.nominal_load, tire.stiffness, tire.friction) = (load, stiffness, 1.0);
+    }
+    (p.filter.channels, p.filter.use_speed, p.filter.minimum_speed) = (Channels::Gyro, true, 2.0);
+    for noisy in [0.1, 3.0, 4.0, 6.0] {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut noise = |std: f64| std * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng);
+        let mut estimator = WheeledRobot::new(&p).unwrap();
+        let (mut out, mut worst, mut healthy) = (Outputs::default(), 0.0f64, 0);
+        for k in 0..4000 {
+            let (speed, gyro_z, accel_y) = (noise(0.01), noise(0.005), noise(noisy));
+            let inputs = Inputs { steering_angle: 0.0, speed, gyro_z, accel_y, ..Inputs::default() };
+            estimator.step(&inputs, p.sample_period);
+            estimator.outputs(&inputs, 0.0, &mut out);
+            worst = worst.max(out.speed_y.value.abs());
+            healthy += usize::from(k >= 400 && out.diagnostics.healthy);
+        }
+        println!("{noisy} m/s2: speed_y off by up to {worst:.2} m/s, healthy in {healthy} samples after 2 s");
+        assert_eq!(healthy, if noisy == 0.1 { 3600 } else { 0 }, "{noisy} m/s2");
+    }
+}
+
+#[test]
+fn the_channels_shares_add_up_to_the_normalised_innovation_squared() {
+    let log = drive(5, 4.0, 3.0, 0.15);
+    let out = run(&parameters(Channels::WheelSpeed), &log, |k, i| match k % 4 {
+        1 => i.gyro_z = f64::NAN,
+        2 => (i.accel_x, i.accel_y) = (f64::NAN, f64::INFINITY),
+        _ => {}
+    });
+    for (k, o) in out.iter().enumerate() {
+        let shares = [o.nis_accel_x, o.nis_accel_y, o.nis_gyro_z, o.nis_speed];
+        let whole = o.diagnostics.nis * f64::from(o.diagnostics.nis_channels);
+        assert!((shares.iter().sum::<f64>() - whole).abs() <= 1e-12 * whole, "{k} {shares:?} {whole}");
+        assert_eq!(shares.iter().filter(|share| **share != 0.0).count() as i32, o.diagnostics.nis_channels, "{k}");
+    }
+}
+
+/// The robot goes on at another speed and in another direction than before the gap.
+#[test]
+fn after_a_gap_the_truth_lies_within_what_the_estimator_says_it_does_not_know() {
+    let drives = [drive(6, 3.0, 3.0, 0.15), drive(7, 3.0, 1.2, 0.3), drive(8, 3.0, 0.0, 0.0)];
+    for (before, after) in [(0, 1), (1, 0), (2, 0), (2, 1), (0, 2)] {
+        for channels in [Channels::Patent, Channels::Gyro, Channels::WheelSpeed] {
+            for gap in [1.5, 5.0, 60.0] {
+                for from in (0..200).step_by(20) {
+                    let mut estimator = WheeledRobot::new(&parameters(channels)).unwrap();
+                    drives[before].iter().for_each(|(inputs, _)| _ = estimator.step(inputs, DT));
+                    let mut out = Outputs::default();
+                    for (k, (inputs, truth)) in drives[after][from..].iter().take(100).enumerate() {
+                        let status = estimator.step(inputs, if k == 0 { gap } else { DT });
+                        assert_eq!(status.contains(Status::RESTARTED | Status::BAD_STEP), k == 0);
+                        estimator.outputs(inputs, 0.0, &mut out);
+                        for (estimate, truth) in [out.speed_x, out.speed_y, out.yaw_rate].into_iter().zip(truth) {
+                            let off = (estimate.value - truth).abs() / estimate.std;
+                            let what = format!("{before} to {after}, {channels:?}, {gap} s, from {from}, sample {k}");
+                            assert!(off < 4.0, "{what}: {estimate:?}, truth {truth}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_torque_that_was_never_set_is_no_torque_of_zero() {
+    let log = drive(8, 4.0, 3.0, 0.15);
+    let p = parameters(Channels::WheelSpeed);
+    let without = |k: usize, i: &mut Inputs| {
+        if k < 200 {
+            *i = Inputs {
+                drive_torque_fl: f64::NAN,
+                drive_torque_fr: f64::NAN,
+                drive_torque_rl: f64::NAN,
+                drive_torque_rr: f64::NAN,
+                brake_torque_fl: f64::NAN,
+                brake_torque_fr: f64::NAN,
+                brake_torque_rl: f64::NAN,
+                brake_torque_rr: f64::NAN,
+                ..i.clone()
+            };
+        }
+    };
+    let out = run(&p, &log, without);
+    for (k, o) in out.iter().enumerate() {
+        // the acceleration gives the forces, and is a measurement once a torque does
+        let expected = if k < 200 { (Status::NEVER_SET, 3) } else { (Status::OK, 4) };
+        assert_eq!((o.diagnostics.status, o.diagnostics.nis_channels), expected, "{k}");
+        assert!(o.diagnostics.healthy);
+    }
+}
