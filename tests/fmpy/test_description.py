@@ -2,12 +2,14 @@
 
 import re
 import zipfile
+from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
 from conftest import FMUS, MODELS
 from fmpy.validation import validate_fmu
+from lxml import etree
 
 
 def test_fmpy_finds_no_problem(fmu):
@@ -98,6 +100,28 @@ def test_every_model_has_a_picture_of_its_own():
         assert picture.startswith(b"\x89PNG") and len(picture) < 10_000
         pictures.add(picture)
     assert len(pictures) == len(MODELS)
+
+
+def test_who_made_it_and_what_its_values_are(fmu):
+    description = fmpy.read_model_description(fmu)
+    assert description.author and description.copyright and description.license
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", description.generationDateAndTime)
+    for v in description.modelVariables:
+        if v.type == "Real":
+            assert 0.0 < float(v.nominal) < 1e300, v.name
+    quantities = {v.unit: v.quantity for v in description.modelVariables if v.type == "Real"}
+    assert quantities["s"] == "Time" and {"Angle", "Velocity", "Force", "Torque"} & set(quantities.values())
+
+
+def test_terminals_hold_every_input_and_output(fmu):
+    with zipfile.ZipFile(fmu) as archive:
+        document = etree.fromstring(archive.read("terminalsAndIcons/terminalsAndIcons.xml"))
+    schema = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
+    etree.XMLSchema(etree.parse(str(schema))).assertValid(document)
+    variables = fmpy.read_model_description(fmu).modelVariables
+    for terminal, causality in zip(document[0], ("input", "output"), strict=True):
+        members = [member.get("variableName") for member in terminal]
+        assert members == [v.name for v in variables if v.causality == causality]
 
 
 @pytest.mark.parametrize("word", ["wheelstate", "NaN", "sample_period", "Bits of status"])

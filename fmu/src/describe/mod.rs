@@ -6,8 +6,10 @@
 pub mod guid;
 pub mod markdown;
 pub mod page;
+pub mod quantity;
 pub mod schema;
 pub mod start_values;
+pub mod terminals;
 
 use crate::model::{Model, Place, shown_start};
 use std::collections::BTreeSet;
@@ -37,6 +39,9 @@ fn groups(model: &Model) -> [Group<'_>; 3] {
     ]
 }
 
+/// When this version was made, as `generationDateAndTime` of its FMUs: the same version gives the same bytes.
+pub const MADE: &str = "2026-11-28T00:00:00Z";
+
 /// The model description of a model.
 pub fn xml(model: &Model) -> String {
     write(model, &guid::of(model), true)
@@ -49,7 +54,7 @@ fn write(model: &Model, guid: &str, starts: bool) -> String {
     let _ = writeln!(
         text,
         r#"<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="{name}" guid="{guid}" description="{about}" version="{version}" license="MIT OR Apache-2.0" generationTool="wheelstate {version}" variableNamingConvention="structured">
+<fmiModelDescription fmiVersion="2.0" modelName="{name}" guid="{guid}" description="{about}" author="The wheelstate authors" version="{version}" copyright="Copyright (c) 2026 The wheelstate authors" license="MIT OR Apache-2.0" generationTool="wheelstate {version}" generationDateAndTime="{MADE}" variableNamingConvention="structured">
   <CoSimulation modelIdentifier="{name}" canHandleVariableCommunicationStepSize="true" canInterpolateInputs="true" maxOutputDerivativeOrder="1" canRunAsynchronuously="false" canBeInstantiatedOnlyOncePerProcess="false" canNotUseMemoryManagementFunctions="true" canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="false"/>"#,
         name = model.name,
         about = escape(model.description),
@@ -157,7 +162,11 @@ fn write_variable(text: &mut String, variable: &Variable, causality: &str, refer
     );
     match variable.kind {
         Kind::Real => {
-            let _ = write!(text, r#"Real unit="{}""#, escape(variable.unit));
+            text.push_str("Real");
+            if let Some(quantity) = quantity::name(variable.unit) {
+                let _ = write!(text, r#" quantity="{quantity}""#);
+            }
+            let _ = write!(text, r#" unit="{}""#, escape(variable.unit));
             if let Some((display, _)) = unit::display(variable.unit) {
                 let _ = write!(text, r#" displayUnit="{display}""#);
             }
@@ -178,6 +187,9 @@ fn write_variable(text: &mut String, variable: &Variable, causality: &str, refer
                 let _ = write!(text, r#" {name}="{}""#, number(bound));
             }
         }
+    }
+    if variable.kind == Kind::Real && (!parameter || starts) {
+        let _ = write!(text, r#" nominal="{}""#, number(quantity::nominal(variable.unit, variable.start)));
     }
     if causality != "output" {
         let start = match variable.kind {

@@ -6,7 +6,7 @@ pub mod library;
 pub mod params;
 pub mod ssv;
 
-use crate::describe::{self, page, start_values};
+use crate::describe::{self, page, start_values, terminals};
 use crate::model::{Model, models};
 use library::Library;
 use std::path::{Path, PathBuf};
@@ -42,6 +42,7 @@ pub fn picture(model: &Model) -> Option<&'static [u8]> {
 pub fn write(model: &Model, libraries: &[Library], out: &Path) -> Result<PathBuf, PackError> {
     let mut files = vec![
         ("modelDescription.xml".to_owned(), describe::xml(model).into_bytes(), false),
+        ("terminalsAndIcons/terminalsAndIcons.xml".to_owned(), terminals::xml(model).into_bytes(), false),
         ("documentation/index.html".to_owned(), page::html(model).into_bytes(), false),
         (format!("resources/{}.ssv", model.name), ssv::text(model).into_bytes(), false),
     ];
