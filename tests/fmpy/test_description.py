@@ -82,6 +82,9 @@ def test_archive(fmu, model):
             "documentation/licenses/LICENSE-MIT.txt",
             "documentation/licenses/LICENSE-APACHE.txt",
             f"resources/{model}.ssv",
+            "extra/org.fmi-standard.fmi-ls-ref/fmi-ls-manifest.xml",
+            "extra/org.fmi-standard.fmi-ls-ref/experiments.xml",
+            "terminalsAndIcons/terminalsAndIcons.xml",
         ):
             assert name in names
         # the defaults need no resources

@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 import zipfile
 from pathlib import Path
 from xml.etree import ElementTree
@@ -178,6 +179,46 @@ def test_the_preset_of_an_fmu_can_be_edited_and_packed(fmu, model, extracted, pa
         done = pack("--params", path)
         assert done.returncode == 2 and word in done.stderr and "values.ssv" in done.stderr, done.stderr
         assert done.stderr.count("\n") == 1
+
+
+@pytest.fixture
+def verify(program):
+    def run(path):
+        ours = subprocess.run([program("pack"), "verify", path], capture_output=True, text=True)
+        script = Path(fmpy.extract(str(path))) / "extra/org.fmi-standard.fmi-ls-ref/verify.py"
+        theirs = subprocess.run([sys.executable, script, path], capture_output=True, text=True)
+        return ours, theirs
+
+    return run
+
+
+def test_an_fmu_proves_itself(fmu, model, pack, extracted, verify, tmp_path):
+    """`pack verify` and the script in the FMU run its reference experiment, also with start values of its own."""
+    (one, _, new), _ = some_parameters(fmpy.read_model_description(extracted(fmu)))
+    assert pack(model, "--set", f"{one}={new!r}").returncode == 0
+    for path in (fmu, tmp_path / "out" / f"{model}.fmu"):
+        ours, theirs = verify(path)
+        assert ours.returncode == 0 and "verified: 200 steps" in ours.stdout, ours.stderr
+        assert theirs.returncode == 0 and "verified" in theirs.stdout, theirs.stdout + theirs.stderr
+
+
+def test_an_fmu_that_differs_is_found(fmu, model, verify, tmp_path):
+    with zipfile.ZipFile(fmu) as archive, zipfile.ZipFile(tmp_path / "other.fmu", "w") as other:
+        for name in archive.namelist():
+            content = archive.read(name)
+            if name.endswith("reference_out.csv"):
+                head, *rows = content.decode().splitlines()
+                cells = rows[150].split(",")
+                cells[1] = repr(float(cells[1]) + 1e-3)
+                rows[150] = ",".join(cells)
+                content = "\n".join([head, *rows, ""]).encode()
+            other.writestr(name, content)
+    ours, theirs = verify(tmp_path / "other.fmu")
+    assert ours.returncode == 2 and "differs from the reference" in ours.stderr, ours
+    assert theirs.returncode == 1 and "DIFFERS" in theirs.stdout, theirs
+    (tmp_path / "empty.fmu").write_bytes(b"")
+    done = subprocess.run([*ours.args[:2], tmp_path / "empty.fmu"], capture_output=True, text=True)
+    assert done.returncode == 2 and "empty.fmu: it is no zip archive" in done.stderr
 
 
 def test_refusals_name_the_file_and_write_nothing(fmu, model, extracted, pack, fit, tmp_path):

@@ -120,6 +120,7 @@ pub const CRATES: &[Crate] = &[
                 &["clock", "machine", "model", "phase", "refusal", "screen", "snapshot", "wheelstate::status"],
             ),
             ("abi::types", &[]),
+            ("abi::import", &["abi::types", "model"]),
             ("abi::logger", &["abi::types", "describe", "refusal"]),
             ("abi::table", &["abi::logger", "abi::types", "handle", "instance"]),
             ("abi::boundary", &["abi::table", "abi::types", "handle", "phase", "refusal"]),
@@ -127,6 +128,7 @@ pub const CRATES: &[Crate] = &[
                 "abi",
                 &[
                     "abi::boundary",
+                    "abi::import",
                     "abi::logger",
                     "abi::table",
                     "abi::types",
@@ -138,7 +140,7 @@ pub const CRATES: &[Crate] = &[
                     "refusal",
                 ],
             ),
-            ("pack", &["describe", "model", "wheelstate"]),
+            ("pack", &["abi", "describe", "instance", "model", "refusal", "wheelstate"]),
         ],
     },
     Crate {
@@ -173,6 +175,7 @@ pub const CONFINED: &[(&str, &[&str])] = &[
     ("parquet", &["wheelstate_log"]),
     ("mf4_rs", &["wheelstate_log"]),
     ("fmi", &["program replay"]),
+    ("libloading", &["wheelstate_fmu::abi"]),
 ];
 
 /// The only folder with `unsafe`: the C boundary of the FMUs.

@@ -8,6 +8,7 @@
 #![allow(unsafe_code, clippy::missing_safety_doc)] // the safety contract is the one above for all
 
 mod boundary;
+mod import;
 mod logger;
 mod table;
 mod types;
@@ -19,6 +20,7 @@ use crate::model::{Catalogue, Type, models};
 use crate::phase::Call;
 use crate::refusal::Refusal;
 use boundary::{enter, guarded, list, place, room, text};
+pub use import::Imported;
 use logger::Logger;
 use std::ffi::{CStr, c_char, c_int, c_uint};
 use table::Slave;

@@ -1,6 +1,6 @@
 //! `pack`: writes FMUs.
 
-use clap::Parser;
+use clap::{Parser, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use wheelstate_fmu::model::{Model, models};
@@ -17,6 +17,7 @@ Examples:
   pack MODEL --set sample_period=0.02 --out out
   pack all --targets win64=wheelstate_fmu.dll  with a second platform
   pack all --libraries OUT                     for the platforms that fmu/targets.sh OUT built
+  pack verify MODEL.fmu                        runs the experiment that the FMU carries on this machine
 
 An unknown MODEL is answered with the list of models.
 
@@ -24,8 +25,10 @@ Exit codes: 0 done, 1 done with warnings (a value of the fit was not taken over)
 
 /// Write estimators as FMI 2.0 co-simulation FMUs.
 #[derive(Parser)]
-#[command(name = "pack", version, after_help = EXAMPLES)]
+#[command(name = "pack", version, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
 struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
     /// Models, spelt as the FMU or as the vehicle of `identify`, or all [default: the vehicle of the fit, else all]
     #[arg(value_name = "MODEL")]
     models: Vec<String>,
@@ -49,6 +52,16 @@ struct Arguments {
     targets: Vec<Library>,
 }
 
+#[derive(Subcommand)]
+enum Command {
+    /// Run the reference experiment of FMUs with their libraries on this machine
+    Verify {
+        /// The FMUs
+        #[arg(value_name = "MODEL.FMU", required = true)]
+        fmus: Vec<PathBuf>,
+    },
+}
+
 fn main() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
@@ -58,7 +71,11 @@ fn main() -> ExitCode {
         }
         Err(help) => help.exit(),
     };
-    match run(&arguments) {
+    let done = match &arguments.command {
+        Some(Command::Verify { fmus }) => verify(fmus),
+        None => run(&arguments),
+    };
+    match done {
         Ok(false) => ExitCode::SUCCESS,
         Ok(true) => ExitCode::from(1),
         Err(error) => {
@@ -72,6 +89,21 @@ fn main() -> ExitCode {
 fn usage(text: &str) -> String {
     let lines = text.lines().map(str::trim).take_while(|line| !line.is_empty());
     lines.collect::<Vec<_>>().join(" ").trim_start_matches("error: ").to_owned() + "; --help shows the usage"
+}
+
+/// Verifies; an FMU that differs is refused.
+fn verify(fmus: &[PathBuf]) -> Result<bool, PackError> {
+    for fmu in fmus {
+        let verdict = pack::verify::run(fmu)?;
+        let (deviation, worst, tolerance) = (verdict.deviation, &verdict.worst, verdict.tolerance);
+        let of = if worst.is_empty() { String::new() } else { format!(" of {worst}") };
+        let found = format!("{} steps, largest deviation {deviation:.1e}{of}, allowed {tolerance:.0e}", verdict.steps);
+        if !verdict.is_good() {
+            return Err(PackError(format!("{}: it differs from the reference: {found}", fmu.display())));
+        }
+        println!("{}: verified: {found}", fmu.display());
+    }
+    Ok(false)
 }
 
 /// Packs; gives whether there were warnings. Nothing is written before every model is ready.

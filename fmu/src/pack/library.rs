@@ -38,6 +38,13 @@ fn platform(folder: &str) -> Result<&'static Platform, String> {
     found.ok_or_else(|| format!("'{folder}' is no platform of an FMU; there are: {names}"))
 }
 
+/// Folders in which a host on this platform looks, with the ending of the library there.
+pub(super) fn own_folders() -> Vec<(&'static str, &'static str)> {
+    let own = PLATFORMS.iter().find(|platform| (platform.system, platform.machine) == (OS, ARCH));
+    let folders = own.into_iter().flat_map(|own| std::iter::once(own.folder).chain(own.also));
+    folders.map(|folder| (folder, ending(OS))).collect()
+}
+
 /// Ending of the libraries of a system.
 fn ending(system: &str) -> &'static str {
     match system {

@@ -4,7 +4,9 @@ mod archive;
 pub mod fit;
 pub mod library;
 pub mod params;
+mod reference;
 pub mod ssv;
+pub mod verify;
 
 use crate::describe::{self, page, start_values, terminals};
 use crate::model::{Model, models};
@@ -46,6 +48,7 @@ pub fn write(model: &Model, libraries: &[Library], out: &Path) -> Result<PathBuf
         ("documentation/index.html".to_owned(), page::html(model).into_bytes(), false),
         (format!("resources/{}.ssv", model.name), ssv::text(model).into_bytes(), false),
     ];
+    files.extend(reference::files(model)?.into_iter().map(|(path, text)| (path, text.into_bytes(), false)));
     if let Some(picture) = picture(model) {
         files.push(("model.png".to_owned(), picture.to_vec(), false));
     }
