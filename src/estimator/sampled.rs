@@ -79,6 +79,9 @@ pub struct Outcome {
     pub log_likelihood: f64,
     /// Whether anything measured was used.
     pub used: bool,
+    /// The innovations are of what the model does not claim to know, such as a wheel that spins while the filter only
+    /// follows it: they are reported and contradict nothing.
+    pub unmodelled: bool,
 }
 
 /// What the shell must know of a machine.
@@ -306,7 +309,7 @@ impl<M: Machine> Estimator for Sampled<M> {
         state.started = true;
         state.silent = if outcome.used { 0.0 } else { (state.silent + elapsed.seconds()).min(LONG_AGO) };
         let nis = if outcome.channels > 0 { (outcome.nis / outcome.channels as f64).min(f64::MAX) } else { 0.0 };
-        if outcome.channels > 0 {
+        if outcome.channels > 0 && !outcome.unmodelled {
             state.monitor.update(nis, elapsed.seconds());
         }
         status.raise_if(state.monitor.contradicted(), Status::CONTRADICTED);

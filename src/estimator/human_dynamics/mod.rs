@@ -269,6 +269,7 @@ impl Machine for SeatedBody {
             channels: innovations.rows,
             log_likelihood: self.body.log_likelihood(),
             used: present > 0,
+            ..Outcome::default()
         }
     }
 

@@ -192,6 +192,7 @@ impl Machine for NursingMachine {
             log_likelihood: innovation.log_likelihood,
             // A speed says at least whether the machine stands.
             used: !inputs.speed.is_nan() || innovation.used_count() > 0,
+            ..Outcome::default()
         }
     }
 

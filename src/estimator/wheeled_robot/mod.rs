@@ -230,6 +230,7 @@ impl Machine for RobotMachine {
             channels: innovation.dof,
             log_likelihood: innovation.log_likelihood,
             used: innovation.used_count() > 0,
+            ..Outcome::default()
         }
     }
 
