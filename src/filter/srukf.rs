@@ -20,8 +20,9 @@
 //! eq. 27 stands for two triangular solves.
 
 use super::gaussian::FactoredGaussian;
+use super::innovation::{Gate, Innovation, Verdict};
 use super::sigma_points::UnscentedTransform;
-use super::square_root::{absorb, absorb_leading, block, set_block};
+use super::square_root::{absorb, absorb_leading, andrews, array, block, joseph, set_block};
 use nalgebra::{SMatrix, SVector};
 
 /// Time update of `M` states that move and `K` that only walk at random, `N = M + K`, with process
@@ -78,6 +79,97 @@ pub fn predict_linearised<const N: usize, const M: usize, const K: usize>(
     }
     let noise = SMatrix::from_diagonal(&block(std, 0, 0));
     belief.factor = predicted_factor::<N, M, K>(noise, &product, &belief.factor, std);
+}
+
+/// How [`correct`] updates the factor. Both forms agree in exact arithmetic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UpdateForm {
+    /// One orthogonal transformation: [`array()`].
+    Array,
+    /// [`andrews`]
+    Andrews,
+}
+
+/// Standard deviations of the measurement noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Noise<const M: usize> {
+    /// By which the gate judges.
+    pub level: SVector<f64, M>,
+    /// With which a sample corrects the state: larger than the level where the sample is down-weighted.
+    pub weighted: SVector<f64, M>,
+}
+
+/// Measurement update by samples `z` of the first `M` states, for which the unscented transform is exact.
+///
+/// Channels that are not finite are left out. The gate judges every channel alone, by the belief before the update;
+/// `in_a_row` counts its rejections. The states marked in `considered` keep mean and variance: their uncertainty counts,
+/// and no measurement moves them. So do all that are not measured while a channel is let through that disagrees, which
+/// is one that is used although `in_a_row` is not 0: what it says is about the measured states.
+pub fn correct<const N: usize, const M: usize>(
+    belief: &mut FactoredGaussian<N>,
+    z: &SVector<f64, M>,
+    noise: &Noise<M>,
+    (gate, in_a_row): (Gate, &mut [u32; M]),
+    mut considered: [bool; N],
+    form: UpdateForm,
+) -> Innovation<M> {
+    let mut out = Innovation::none();
+    let mut determinant = 1.0;
+    // A channel without a sample, or with a rejected one, becomes one that measures nothing, with unit noise:
+    // independent of all others, without gain and without a share in the likelihood. H S has columns of zeros
+    // beyond the first M.
+    let (mut residual, mut hs) = (SVector::<f64, M>::zeros(), SMatrix::<f64, M, M>::zeros());
+    let mut v = SMatrix::<f64, M, M>::identity();
+    for i in (0..M).filter(|&i| z[i].is_finite()) {
+        out.residual[i] = z[i] - belief.mean[i];
+        let mut variance = 0.0;
+        for j in 0..=i {
+            variance += belief.factor[(i, j)] * belief.factor[(i, j)];
+        }
+        variance += noise.level[i] * noise.level[i];
+        match gate.judge(out.residual[i] * out.residual[i] / variance, &mut in_a_row[i]) {
+            Verdict::Rejected => {
+                out.rejected[i] = true;
+                out.count(i, out.residual[i] / variance.sqrt(), variance, &mut determinant);
+                continue;
+            }
+            Verdict::LetThrough => considered[M..].fill(true),
+            Verdict::Accepted => {}
+        }
+        out.used[i] = true;
+        residual[i] = out.residual[i];
+        v[(i, i)] = noise.weighted[i];
+        for j in 0..M {
+            hs[(i, j)] = belief.factor[(i, j)];
+        }
+    }
+    if !out.used.contains(&true) {
+        return out.with_determinant(determinant);
+    }
+    let (used, considers) = (out.used, considered.contains(&true));
+    let leading: SMatrix<f64, N, M> = block(&belief.factor, 0, 0);
+    let update = match form {
+        UpdateForm::Andrews if !considers => andrews(&leading, &hs, &v),
+        // also where only the gain is needed
+        _ => array(&leading, &hs, &v),
+    };
+    let white = update.whiten(&residual);
+    for i in (0..M).filter(|&i| used[i]) {
+        let deviation = update.innovation[(i, i)];
+        out.count(i, white[i], deviation * deviation, &mut determinant);
+    }
+    if considers {
+        let mut gain = update.gain();
+        (0..N).filter(|&i| considered[i]).for_each(|i| gain.row_mut(i).fill(0.0));
+        let mut all = SMatrix::<f64, M, N>::zeros();
+        set_block(&mut all, 0, 0, &hs);
+        belief.mean += gain * residual;
+        belief.factor = joseph(&belief.factor, &all, &v, &gain);
+    } else {
+        belief.mean += update.whitened_gain * white;
+        set_block(&mut belief.factor, 0, 0, &update.factor);
+    }
+    out.with_determinant(determinant)
 }
 
 /// The factor whose first `M` rows have become `moved` and `noise`, and whose others have walked.

@@ -3,3 +3,4 @@
 mod cubature;
 mod rls;
 mod square_root;
+mod unscented;

@@ -119,8 +119,8 @@ PARAMETERS = {
     "filter.{channels,gate,minimum_speed,integrator,substeps,use_speed} filter.process_psd.{speed_x,speed_y,yaw_rate} "
     "filter.measurement_std.{accel_x,accel_y,gyro_z,speed} initial.speed_x",
     "WheelLoader": "loader.{mass,wheelbase,wheel_radius_front,wheel_radius_rear,axle_inertia_front,axle_inertia_rear,"
-    "bucket_reach,bucket_height} rolling.coefficient tire.friction start.{slip_stiffness,cg_height,cg_ratio} "
-    "start.{slip_stiffness,cg_height,cg_ratio}_std filter.{kind,form,parameters,alpha,beta,kappa}",
+    "bucket_reach,bucket_height} rolling.coefficient tire.friction initial.{slip_stiffness,cg_height,cg_ratio} "
+    "initial.{slip_stiffness,cg_height,cg_ratio}_std filter.{kind,form,parameters,alpha,beta,kappa}",
     "HumanDynamics": "",
     "Wheelchair": "chair.{mass,yaw_inertia,com_ahead,drag,yaw_drag,yaw_friction,wheel_radius,reference_to_right,"
     "reference_to_left,wheel_inertia} rolling.coefficient imu.{x,y,z} initial.heading filter.{model,kind,detect_standstill}",

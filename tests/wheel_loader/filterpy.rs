@@ -7,12 +7,12 @@ use wheelstate::estimator::wheel_loader::*;
 fn parameters(alpha: f64, form: Form) -> Parameters {
     let mut p = Parameters::default();
     let slope = |p: f64, lo: f64, hi: f64| (p - lo) * (hi - p) / (hi - lo);
-    p.start.slip_stiffness = 14.0;
-    p.start.cg_height = 1.05;
-    p.start.cg_ratio = 0.52;
-    p.start.slip_stiffness_std = 0.8 * slope(14.0, 2.0, 80.0);
-    p.start.cg_height_std = 0.35 * slope(1.05, 0.3, 2.5);
-    p.start.cg_ratio_std = 0.5 * slope(0.52, 0.1, 0.9);
+    p.initial.slip_stiffness = 14.0;
+    p.initial.cg_height = 1.05;
+    p.initial.cg_ratio = 0.52;
+    p.initial.slip_stiffness_std = 0.8 * slope(14.0, 2.0, 80.0);
+    p.initial.cg_height_std = 0.35 * slope(1.05, 0.3, 2.5);
+    p.initial.cg_ratio_std = 0.5 * slope(0.52, 0.1, 0.9);
     p.filter.alpha = alpha;
     p.filter.form = form;
     p.filter.radii = Radii::Fixed;
@@ -56,7 +56,7 @@ fn filterpy_agrees_to_twelve_digits() {
                 ..Inputs::default()
             };
             estimator.step(&inputs, 0.01);
-            let belief = estimator.state().belief();
+            let belief = estimator.state().machine.belief;
             let covariance = belief.factor * belief.factor.transpose();
             let mut expected = row[16..].iter();
             for i in 0..6 {

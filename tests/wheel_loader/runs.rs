@@ -76,5 +76,12 @@ pub fn finite(out: &Outputs) {
 }
 
 pub fn unknowns(out: &Outputs) -> [f64; 6] {
-    [out.slip_stiffness, out.cg_height, out.cg_ratio, out.slip_stiffness_std, out.cg_height_std, out.cg_ratio_std]
+    [
+        out.slip_stiffness.value,
+        out.cg_height.value,
+        out.cg_ratio.value,
+        out.slip_stiffness.std,
+        out.cg_height.std,
+        out.cg_ratio.std,
+    ]
 }

@@ -13,11 +13,11 @@ fn standstill_changes_nothing() {
     let mut estimator = begun(&Parameters::default());
     let before = unknowns(&out(&estimator, &Inputs::default()));
     for out in run(&mut estimator, &drive(60.0, 0.0, 1, |_, _| 0.0)) {
-        assert!(out.hold && out.status.contains(Status::HOLD));
+        assert!(out.hold && out.diagnostics.status.contains(Status::HOLD));
         for (now, before) in unknowns(&out).iter().zip(before) {
             assert_close("held", *now, before, 1e-10, 0.0);
         }
-        assert!((out.load_ratio - 0.45).abs() < 0.02, "the load ratio of a standing machine is its static one");
+        assert!((out.load_ratio.value - 0.45).abs() < 0.02, "the load ratio of a standing machine is its static one");
     }
 }
 
@@ -33,9 +33,9 @@ fn coasting_moves_the_unknowns_only_within_their_std() {
     // Coasting is what the radii are known from.
     let last = &outs[outs.len() - 1];
     assert!(
-        last.wheel_radius_front_std < 0.9 * 0.55 * Start::default().wheel_radius_std,
+        last.wheel_radius_front.std < 0.9 * 0.55 * Initial::default().wheel_radius_std,
         "{}",
-        last.wheel_radius_front_std
+        last.wheel_radius_front.std
     );
 }
 
@@ -66,8 +66,8 @@ fn torque_without_slip_is_called_inconsistent_and_forgotten() {
         println!("noise {noise}: noticed after {:.2} s", 0.01 * raised as f64);
         assert!((500..=900).contains(&raised), "{raised}");
         for out in &outs[raised..] {
-            assert!(out.hold && out.slip_inconsistent && !out.healthy);
-            assert!(out.status.contains(Status::SLIP | Status::HOLD));
+            assert!(out.hold && out.slip_inconsistent && !out.diagnostics.healthy);
+            assert!(out.diagnostics.status.contains(Status::SLIP | Status::HOLD));
             for (now, start) in unknowns(out).iter().zip(start) {
                 assert_close("what contradictory data taught", *now, start, 1e-9, 0.0);
             }
@@ -75,7 +75,56 @@ fn torque_without_slip_is_called_inconsistent_and_forgotten() {
         // Sound data clear the flag.
         let outs = run(&mut estimator, &drive(40.0, 2.5, 5, lively));
         let last = &outs[outs.len() - 1];
-        assert!(!last.slip_inconsistent && !last.hold && (last.cg_ratio - 0.45).abs() < 2.0 * last.cg_ratio_std);
+        assert!(!last.slip_inconsistent && !last.hold && (last.cg_ratio.value - 0.45).abs() < 2.0 * last.cg_ratio.std);
+    }
+}
+
+/// What sets a channel to another unit or turns its sign, within seconds of driving; while it lasts nothing is learnt
+/// from it and nothing is healthy. Sound data clear it.
+#[test]
+fn wrong_units_and_signs_contradict() {
+    let per_minute = 60.0 / std::f64::consts::TAU;
+    let wrongs: [(&str, fn(&mut Inputs, f64), f64); 9] = [
+        ("front wheel in rpm", |inputs, factor| inputs.wheel_speed_front *= factor, per_minute),
+        ("rear wheel in rpm", |inputs, factor| inputs.wheel_speed_rear *= factor, per_minute),
+        (
+            "wheels in rpm",
+            |inputs, factor| {
+                inputs.wheel_speed_front *= factor;
+                inputs.wheel_speed_rear *= factor;
+            },
+            per_minute,
+        ),
+        ("front wheel turned", |inputs, factor| inputs.wheel_speed_front *= factor, -1.0),
+        ("speed in km/h", |inputs, factor| inputs.speed *= factor, 3.6),
+        ("speed in mile/h", |inputs, factor| inputs.speed *= factor, 2.237),
+        ("speed turned", |inputs, factor| inputs.speed *= factor, -1.0),
+        (
+            "torques turned",
+            |inputs, factor| {
+                inputs.torque_front *= factor;
+                inputs.torque_rear *= factor;
+            },
+            -1.0,
+        ),
+        ("front torque turned", |inputs, factor| inputs.torque_front *= factor, -1.0),
+    ];
+    let sound = drive(30.0, 2.5, 20, lively);
+    for (what, wrong, factor) in wrongs {
+        let mut samples = sound.clone();
+        samples.iter_mut().for_each(|inputs| wrong(inputs, factor));
+        let mut estimator = begun(&Parameters::default());
+        let outs = run(&mut estimator, &samples);
+        let raised = outs.iter().position(|out| out.diagnostics.status.contains(Status::CONTRADICTED));
+        println!("{what}: after {raised:?} samples");
+        assert!(raised.is_some_and(|raised| raised < 2000), "{what}: {raised:?}");
+        for out in &outs[raised.unwrap()..] {
+            assert!(out.hold && out.slip_inconsistent && !out.diagnostics.healthy, "{what} {out:?}");
+        }
+        let outs = run(&mut estimator, &drive(40.0, 2.5, 21, lively));
+        let last = &outs[outs.len() - 1];
+        assert!(!last.diagnostics.status.contains(Status::CONTRADICTED) && last.diagnostics.healthy, "{what}");
+        assert!((last.cg_ratio.value - 0.45).abs() < 2.0 * last.cg_ratio.std, "{what}");
     }
 }
 
@@ -100,13 +149,13 @@ fn a_spinning_wheel_holds_while_it_spins() {
     let outs = run(&mut estimator, &samples);
     let before = unknowns(&outs[399]);
     for out in &outs[400..500] {
-        assert!(out.hold && out.status.contains(Status::SLIP));
+        assert!(out.hold && out.diagnostics.status.contains(Status::SLIP));
         for (now, before) in unknowns(out).iter().zip(before) {
             assert_close("held", *now, before, 1e-10, 0.0);
         }
     }
     assert!(outs[700..].iter().all(|out| !out.hold));
-    assert!((outs[1199].cg_ratio - 0.45).abs() < 0.05);
+    assert!((outs[1199].cg_ratio.value - 0.45).abs() < 0.05);
 }
 
 #[test]
@@ -115,26 +164,28 @@ fn long_cruising_does_not_collapse_the_covariance() {
     let outs = run(&mut estimator, &drive(200.0, 2.0, 14, |_, v| 380.0 + 500.0 * (2.0 - v)));
     let last = &outs[outs.len() - 1];
     println!("{:?}", unknowns(last));
-    assert!(last.cg_height_std > 0.12, "cruising says nothing about the height");
-    assert!(!last.cg_height_observable && last.status.contains(Status::UNOBSERVABLE));
-    assert!(last.cg_ratio_std > 0.01 && (last.cg_ratio - 0.45).abs() < 2.0 * last.cg_ratio_std);
+    assert!(last.cg_height.std > 0.12, "cruising says nothing about the height");
+    assert!(!last.cg_height_observable && last.diagnostics.status.contains(Status::UNOBSERVABLE));
+    assert!(last.cg_ratio.std > 0.01 && (last.cg_ratio.value - 0.45).abs() < 2.0 * last.cg_ratio.std);
 }
 
 #[test]
 fn lively_driving_reveals_the_height() {
-    let p =
-        Parameters { start: Start { cg_height: 1.1, cg_height_std: 0.2, ..Start::default() }, ..Parameters::default() };
+    let p = Parameters {
+        initial: Initial { cg_height: 1.1, cg_height_std: 0.2, ..Initial::default() },
+        ..Parameters::default()
+    };
     let mut estimator = begun(&p);
     let outs = run(&mut estimator, &drive(240.0, 2.5, 15, |t, v| lively(t, v) + 1500.0 * (1.3 * t).sin()));
     let last = &outs[outs.len() - 1];
     println!("{:?}", unknowns(last));
-    assert!(last.cg_height_observable && !last.status.contains(Status::UNOBSERVABLE));
-    assert!((last.cg_height - 0.95).abs() < 2.5 * last.cg_height_std, "{last:?}");
-    assert!(last.healthy);
+    assert!(last.cg_height_observable && !last.diagnostics.status.contains(Status::UNOBSERVABLE));
+    assert!((last.cg_height.value - 0.95).abs() < 2.5 * last.cg_height.std, "{last:?}");
+    assert!(last.diagnostics.healthy);
 }
 
 #[test]
-fn outputs_ahead_follow_the_model() {
+fn outputs_at_a_horizon_follow_the_model() {
     let samples = drive(6.0, 2.5, 17, |_, _| 1200.0);
     let mut estimator = begun(&Parameters::default());
     run(&mut estimator, &samples);
@@ -143,7 +194,13 @@ fn outputs_ahead_follow_the_model() {
     estimator.outputs(&samples[599], 0.0, &mut now);
     estimator.outputs(&samples[599], 0.1, &mut later);
     let acceleration = (2400.0 / 0.55 - 0.03 * 4700.0 * 9.80665) / (4700.0 + 72.0 / 0.55f64.powi(2));
-    assert_close("speed ahead", later.speed_estimate - now.speed_estimate, 0.1 * acceleration, 0.1, 0.0);
-    assert_eq!(now.cg_ratio, later.cg_ratio);
+    assert_close(
+        "speed in a tenth of a second",
+        later.speed_estimate.value - now.speed_estimate.value,
+        0.1 * acceleration,
+        0.1,
+        0.0,
+    );
+    assert_eq!(now.cg_ratio.value, later.cg_ratio.value);
     assert_eq!(estimator.state(), &state);
 }

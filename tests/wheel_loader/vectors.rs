@@ -25,13 +25,13 @@ fn inputs(table: &Table, row: usize) -> Inputs {
 }
 
 /// Parameters as in the vectors: `[K, h, lambda]` and logit standard deviations.
-fn parameters(start: [f64; 3], std: [f64; 3]) -> Parameters {
+fn parameters(initial: [f64; 3], std: [f64; 3]) -> Parameters {
     let mut p = Parameters::default();
-    (p.start.slip_stiffness, p.start.cg_height, p.start.cg_ratio) = start.into();
+    (p.initial.slip_stiffness, p.initial.cg_height, p.initial.cg_ratio) = initial.into();
     let slope = |p: f64, lo: f64, hi: f64| (p - lo) * (hi - p) / (hi - lo);
-    p.start.slip_stiffness_std = std[0] * slope(start[0], 2.0, 80.0);
-    p.start.cg_height_std = std[1] * slope(start[1], 0.3, 2.5);
-    p.start.cg_ratio_std = std[2] * slope(start[2], 0.1, 0.9);
+    p.initial.slip_stiffness_std = std[0] * slope(initial[0], 2.0, 80.0);
+    p.initial.cg_height_std = std[1] * slope(initial[1], 0.3, 2.5);
+    p.initial.cg_ratio_std = std[2] * slope(initial[2], 0.1, 0.9);
     as_in_the_study(&mut p);
     p
 }
@@ -77,7 +77,7 @@ fn compare(p: &Parameters, file: &str) -> usize {
     for row in 0..table.rows.len() {
         let inputs = inputs(&table, row);
         estimator.step(&inputs, 0.01);
-        let belief = estimator.state().belief();
+        let belief = estimator.state().machine.belief;
         for i in 0..6 {
             let z = format!("z{i}");
             assert_close(&format!("{file} row {row} {z}"), belief.mean[i], table.at(row, &z), 0.0, 1e-7);
@@ -88,12 +88,12 @@ fn compare(p: &Parameters, file: &str) -> usize {
         }
         estimator.outputs(&inputs, 0.0, &mut out);
         for (name, value) in [
-            ("K", out.slip_stiffness),
-            ("h", out.cg_height),
-            ("lam", out.cg_ratio),
-            ("sdK", out.slip_stiffness_std),
-            ("sdh", out.cg_height_std),
-            ("sdlam", out.cg_ratio_std),
+            ("K", out.slip_stiffness.value),
+            ("h", out.cg_height.value),
+            ("lam", out.cg_ratio.value),
+            ("sdK", out.slip_stiffness.std),
+            ("sdh", out.cg_height.std),
+            ("sdlam", out.cg_ratio.std),
         ] {
             assert_close(&format!("{file} row {row} {name}"), value, table.at(row, name), 1e-6, 1e-7);
         }
@@ -129,13 +129,13 @@ fn srukf_in_direct_coordinates_with_the_narrow_spread() {
     p.filter.parameters = Coordinates::Direct;
     p.filter.alpha = 0.01;
     p.filter.supervise = false;
-    (p.start.slip_stiffness_std, p.start.cg_height_std, p.start.cg_ratio_std) = (5.0, 0.15, 0.1);
-    // The random walks are declared in logit units.
+    (p.initial.slip_stiffness_std, p.initial.cg_height_std, p.initial.cg_ratio_std) = (5.0, 0.15, 0.1);
+    // The random walks are declared as densities in logit units, the study's per 10 ms.
     let slope = |p: f64, lo: f64, hi: f64| (p - lo) * (hi - p) / (hi - lo);
-    let walk = &mut p.filter.process_std;
-    walk.slip_stiffness = 0.02 / slope(14.0, 2.0, 80.0);
-    walk.cg_height = 2e-4 / slope(1.05, 0.3, 2.5);
-    walk.cg_ratio = 1.5e-4 / slope(0.52, 0.1, 0.9);
+    let walk = &mut p.filter.process_psd;
+    walk.slip_stiffness = (0.02 / slope(14.0, 2.0, 80.0)).powi(2) / 0.01;
+    walk.cg_height = (2e-4 / slope(1.05, 0.3, 2.5)).powi(2) / 0.01;
+    walk.cg_ratio = (1.5e-4 / slope(0.52, 0.1, 0.9)).powi(2) / 0.01;
     compare(&p, "srukf_direct_array_alpha001");
 }
 
@@ -151,7 +151,7 @@ fn ekf_agrees_with_the_covariance_form() {
     let mut estimator = begun(&p);
     for row in 0..table.rows.len() {
         estimator.step(&inputs(&table, row), 0.01);
-        let belief = estimator.state().belief();
+        let belief = estimator.state().machine.belief;
         let covariance = belief.factor * belief.factor.transpose();
         for i in 0..6 {
             assert_close(&format!("row {row} z{i}"), belief.mean[i], table.at(row, &format!("z{i}")), 0.0, 1e-7);
@@ -178,19 +178,19 @@ fn plant_logs_replay() {
             estimator.step(&inputs, 0.01);
             estimator.outputs(&inputs, 0.0, &mut out);
             for (name, value) in [
-                ("K", out.slip_stiffness),
-                ("h", out.cg_height),
-                ("lam", out.cg_ratio),
-                ("sdK", out.slip_stiffness_std),
-                ("sdh", out.cg_height_std),
-                ("sdlam", out.cg_ratio_std),
+                ("K", out.slip_stiffness.value),
+                ("h", out.cg_height.value),
+                ("lam", out.cg_ratio.value),
+                ("sdK", out.slip_stiffness.std),
+                ("sdh", out.cg_height.std),
+                ("sdlam", out.cg_ratio.std),
             ] {
                 worst = worst.max((value / table.at(row, name) - 1.0).abs());
                 assert_close(&format!("{file} row {row} {name}"), value, table.at(row, name), 1e-6, 0.0);
             }
         }
-        println!("{file}: largest relative difference {worst:.1e}, lambda at the end {:.4}", out.cg_ratio);
-        assert!((out.cg_ratio - lambda).abs() < 0.02 && out.cg_height_std > 0.0);
+        println!("{file}: largest relative difference {worst:.1e}, lambda at the end {:.4}", out.cg_ratio.value);
+        assert!((out.cg_ratio.value - lambda).abs() < 0.02 && out.cg_height.std > 0.0);
     }
 }
 
@@ -216,7 +216,7 @@ fn array_and_andrews_agree_at_every_step() {
             };
             array.step(&inputs, 0.01);
             andrews.step(&inputs, 0.01);
-            let (a, b) = (array.state().belief(), andrews.state().belief());
+            let (a, b) = (array.state().machine.belief, andrews.state().machine.belief);
             assert!((a.mean - b.mean).amax() < 1e-9 && (a.factor - b.factor).amax() < 1e-9);
         }
     }

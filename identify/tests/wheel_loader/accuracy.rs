@@ -36,7 +36,7 @@ struct Run {
     diverged: bool,
     failed: bool,
     load_ratio: f64,
-    inconsistent: bool,
+    contradicted: bool,
 }
 
 /// The study's prior draws: K in 12..28, h in 0.75..1.15, lambda in 0.35..0.60.
@@ -44,12 +44,12 @@ fn drawn(parameters: &Parameters, seed: u64) -> Parameters {
     let mut random = ChaCha8Rng::seed_from_u64(1_000_000 + seed);
     let mut between = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
     let mut p = parameters.clone();
-    let start = [between(12.0, 28.0), between(0.75, 1.15), between(0.35, 0.60)];
-    (p.start.slip_stiffness, p.start.cg_height, p.start.cg_ratio) = start.into();
+    let initial = [between(12.0, 28.0), between(0.75, 1.15), between(0.35, 0.60)];
+    (p.initial.slip_stiffness, p.initial.cg_height, p.initial.cg_ratio) = initial.into();
     let slope = |p: f64, lo: f64, hi: f64| (p - lo) * (hi - p) / (hi - lo);
-    p.start.slip_stiffness_std = 0.8 * slope(start[0], 2.0, 80.0);
-    p.start.cg_height_std = 0.35 * slope(start[1], 0.3, 2.5);
-    p.start.cg_ratio_std = 0.5 * slope(start[2], 0.1, 0.9);
+    p.initial.slip_stiffness_std = 0.8 * slope(initial[0], 2.0, 80.0);
+    p.initial.cg_height_std = 0.35 * slope(initial[1], 0.3, 2.5);
+    p.initial.cg_ratio_std = 0.5 * slope(initial[2], 0.1, 0.9);
     p
 }
 
@@ -63,26 +63,26 @@ fn run(parameters: &Parameters, log: &Drive, window: (f64, f64)) -> Run {
         diverged: false,
         failed: false,
         load_ratio: 0.0,
-        inconsistent: false,
+        contradicted: false,
     };
     let mut mean = Vec::new();
     for (k, inputs) in log.inputs.iter().enumerate() {
         let status = estimator.step(inputs, 0.01);
         run.failed |= status.contains(Status::RECOVERED);
         estimator.outputs(inputs, 0.0, &mut out);
-        run.inconsistent |= out.slip_inconsistent;
+        run.contradicted |= status.contains(Status::CONTRADICTED);
         let t = log.time[k];
         if t < window.0 || t > window.1 {
             continue;
         }
-        let values = [out.slip_stiffness, out.cg_height, out.cg_ratio];
-        let stds = [out.slip_stiffness_std, out.cg_height_std, out.cg_ratio_std];
+        let values = [out.slip_stiffness.value, out.cg_height.value, out.cg_ratio.value];
+        let stds = [out.slip_stiffness.std, out.cg_height.std, out.cg_ratio.std];
         for i in 0..3 {
             run.error[i] = run.error[i].max((values[i] / TRUTH[i] - 1.0).abs());
             run.score[i] = (values[i] - TRUTH[i]) / stds[i];
             run.std[i] = stds[i];
         }
-        mean.push(out.load_ratio - log.load_ratio[k]);
+        mean.push(out.load_ratio.value - log.load_ratio[k]);
         if mean.len() >= 50 {
             let average = mean[mean.len() - 50..].iter().sum::<f64>() / 50.0;
             run.load_ratio = run.load_ratio.max(average.abs());
@@ -156,7 +156,7 @@ fn covered(runs: &[Run], i: usize) -> f64 {
 /// What must hold wherever the estimator runs: no repair, no false alarm, honest standard deviations.
 fn sound(runs: &[Run]) {
     assert!(runs.iter().all(|run| !run.failed), "the factor had to be repaired");
-    assert!(runs.iter().all(|run| !run.inconsistent), "a healthy machine was called inconsistent");
+    assert!(runs.iter().all(|run| !run.contradicted), "a sound machine was called contradicted");
     for (i, name) in ["K", "h", "lambda"].iter().enumerate() {
         assert!(covered(runs, i) >= 0.93, "{name} is overconfident: {} within 2 std", covered(runs, i));
     }
@@ -242,7 +242,7 @@ fn constant_torque() {
 #[test]
 fn wrong_radii() {
     let mut wide = Parameters::default();
-    wide.start.wheel_radius_std = 0.003;
+    wide.initial.wheel_radius_std = 0.003;
     for error in [0.003, -0.003] {
         let settings = [("plant.wheel_radius_front_error", error)];
         let [runs, narrow, before] =

@@ -23,9 +23,9 @@ fn fitted(log: Log, request: &FitRequest) -> FitReport {
 /// The machine's user starts from a wrong idea of it.
 fn request() -> FitRequest {
     let start = [
-        ("start.slip_stiffness", 15.0),
-        ("start.cg_height", 1.1),
-        ("start.cg_ratio", 0.5),
+        ("initial.slip_stiffness", 15.0),
+        ("initial.cg_height", 1.1),
+        ("initial.cg_ratio", 0.5),
         ("rolling.coefficient", 0.02),
     ];
     FitRequest {
@@ -40,9 +40,9 @@ fn errors(reports: &[FitReport], name: &str, truth: f64) -> Vec<f64> {
 
 fn describe(what: &str, reports: &[FitReport]) {
     for (name, truth) in [
-        ("start.slip_stiffness", 19.0),
-        ("start.cg_height", 0.95),
-        ("start.cg_ratio", 0.45),
+        ("initial.slip_stiffness", 19.0),
+        ("initial.cg_height", 0.95),
+        ("initial.cg_ratio", 0.45),
         ("rolling.coefficient", 0.03),
         ("loader.wheel_radius_front", 0.55),
         ("loader.wheel_radius_rear", 0.55),
@@ -70,30 +70,30 @@ fn study(scenario: &str, settings: &[(&str, f64)], request: &FitRequest, seeds: 
 fn accelerating_and_braking_identifies_everything() {
     let reports = study("accelerate-brake", &[], &request(), 20);
     describe("accelerate-brake", &reports);
-    assert!(median(&errors(&reports, "start.cg_height", 0.95)) <= 0.08 * 0.95);
-    assert!(median(&errors(&reports, "start.cg_ratio", 0.45)) <= 0.02 * 0.45);
+    assert!(median(&errors(&reports, "initial.cg_height", 0.95)) <= 0.08 * 0.95);
+    assert!(median(&errors(&reports, "initial.cg_ratio", 0.45)) <= 0.02 * 0.45);
     assert!(quantile(&errors(&reports, "rolling.coefficient", 0.03), 0.95) <= 0.001);
 }
 
 #[test]
 fn known_radii() {
-    let only = ["rolling.coefficient", "start.slip_stiffness", "start.cg_ratio", "start.cg_height"];
+    let only = ["rolling.coefficient", "initial.slip_stiffness", "initial.cg_ratio", "initial.cg_height"];
     let request = FitRequest { only: only.map(str::to_owned).to_vec(), ..request() };
     let reports = study("accelerate-brake", &[], &request, 20);
     describe("accelerate-brake, radii known", &reports);
-    assert!(median(&errors(&reports, "start.cg_height", 0.95)) <= 0.08 * 0.95);
-    assert!(median(&errors(&reports, "start.cg_ratio", 0.45)) <= 0.02 * 0.45);
+    assert!(median(&errors(&reports, "initial.cg_height", 0.95)) <= 0.08 * 0.95);
+    assert!(median(&errors(&reports, "initial.cg_ratio", 0.45)) <= 0.02 * 0.45);
 }
 
 #[test]
 fn wrong_radii_are_found() {
     let mut wide = request();
-    wide.settings.push(("start.wheel_radius_std".to_owned(), 0.003));
+    wide.settings.push(("initial.wheel_radius_std".to_owned(), 0.003));
     let reports = study("accelerate-brake", &[("plant.wheel_radius_front_error", 0.003)], &wide, 20);
     describe("accelerate-brake, r_f +0.3 %", &reports);
     let truth = 0.55 * 1.003;
     assert!(median(&errors(&reports, "loader.wheel_radius_front", truth)) < 4e-4 * truth);
-    assert!(median(&errors(&reports, "start.cg_ratio", 0.45)) <= 0.02 * 0.45);
+    assert!(median(&errors(&reports, "initial.cg_ratio", 0.45)) <= 0.02 * 0.45);
 }
 
 #[test]
@@ -101,14 +101,14 @@ fn constant_torque_says_nothing_about_the_height() {
     let reports = study("bumpy-c", &[], &request(), 20);
     describe("bumpy-c", &reports);
     for report in &reports {
-        assert!(!report.parameters["start.cg_height"].identified, "{:?}", report.parameters["start.cg_height"]);
-        assert!(report.warnings.iter().any(|warning| warning.contains("start.cg_height")));
+        assert!(!report.parameters["initial.cg_height"].identified, "{:?}", report.parameters["initial.cg_height"]);
+        assert!(report.warnings.iter().any(|warning| warning.contains("initial.cg_height")));
         for name in ["loader.wheel_radius_front", "loader.wheel_radius_rear"] {
             assert!(!report.parameters[name].identified, "{name}: {:?}", report.parameters[name]);
         }
     }
-    let errors = errors(&reports, "start.cg_ratio", 0.45);
-    let within = reports.iter().zip(&errors).filter(|(r, e)| **e < 2.0 * r.parameters["start.cg_ratio"].std_error);
+    let errors = errors(&reports, "initial.cg_ratio", 0.45);
+    let within = reports.iter().zip(&errors).filter(|(r, e)| **e < 2.0 * r.parameters["initial.cg_ratio"].std_error);
     assert!(median(&errors) < 0.12 * 0.45 && within.count() >= 16);
 }
 

@@ -40,6 +40,7 @@ struct Run {
     std: [f64; 3],
     failed: bool,
     finite: bool,
+    contradicted: bool,
 }
 
 /// A machine of this seed, its scenario and the truth `[K, h, lambda]`.
@@ -73,11 +74,11 @@ fn settings(random: &mut Draws, fixed: bool) -> (Vec<(String, f64)>, [f64; 3]) {
 /// Parameters with a prior that is as wrong as it says.
 fn parameters(random: &mut Draws, truth: [f64; 3], fixed: bool) -> Parameters {
     let mut p = Parameters::default();
-    let start = &mut p.start;
-    (start.slip_stiffness_std, start.cg_height_std, start.cg_ratio_std) = (5.0, 0.16, 0.07);
-    start.slip_stiffness = (truth[0] + random.normal(5.0)).clamp(6.0, 60.0);
-    start.cg_height = (truth[1] + random.normal(0.16)).clamp(0.45, 2.0);
-    start.cg_ratio = (truth[2] + random.normal(0.07)).clamp(0.2, 0.8);
+    let initial = &mut p.initial;
+    (initial.slip_stiffness_std, initial.cg_height_std, initial.cg_ratio_std) = (5.0, 0.16, 0.07);
+    initial.slip_stiffness = (truth[0] + random.normal(5.0)).clamp(6.0, 60.0);
+    initial.cg_height = (truth[1] + random.normal(0.16)).clamp(0.45, 2.0);
+    initial.cg_ratio = (truth[2] + random.normal(0.07)).clamp(0.2, 0.8);
     let filter = &mut p.filter;
     filter.kind = if random.between(0.0, 1.0) < 0.25 { Kind::Extended } else { Kind::SquareRootUnscented };
     filter.form = if random.coin() { Form::Array } else { Form::Andrews };
@@ -121,14 +122,16 @@ fn run(seed: u64) -> Run {
     let p = parameters(&mut random, truth, fixed);
     let mut estimator = WheelLoader::new(&p).unwrap();
     let mut out = Outputs::default();
-    let (mut failed, mut finite) = (false, true);
+    let (mut failed, mut finite, mut contradicted) = (false, true, false);
     for (inputs, dt) in damaged(&mut random, inputs) {
-        failed |= estimator.step(&inputs, dt).contains(Status::RECOVERED);
+        let status = estimator.step(&inputs, dt);
+        failed |= status.contains(Status::RECOVERED);
+        contradicted |= status.contains(Status::CONTRADICTED);
         estimator.outputs(&inputs, 0.005, &mut out);
         finite &= out.to_vec().iter().all(|value| value.is_finite());
     }
-    let values = [out.slip_stiffness, out.cg_height, out.cg_ratio];
-    let stds = [out.slip_stiffness_std, out.cg_height_std, out.cg_ratio_std];
+    let values = [out.slip_stiffness.value, out.cg_height.value, out.cg_ratio.value];
+    let stds = [out.slip_stiffness.std, out.cg_height.std, out.cg_ratio.std];
     Run {
         what: format!("{what} {:?} {:?} {:?} {:?}", p.filter.kind, p.filter.form, p.filter.parameters, p.filter.radii),
         extended: p.filter.kind == Kind::Extended,
@@ -137,6 +140,7 @@ fn run(seed: u64) -> Run {
         std: std::array::from_fn(|i| stds[i] / truth[i]),
         failed,
         finite,
+        contradicted,
     }
 }
 
@@ -164,6 +168,10 @@ fn random_machines() {
     for run in &runs {
         assert!(!run.failed && run.finite, "{}", run.what);
     }
+    // Some hop over a rough road at 50 km/h without a speed sensor, and some initial values are wrong by more than they say.
+    let contradicted = runs.iter().filter(|run| run.contradicted).count();
+    println!("contradicted: {contradicted} of {RUNS}");
+    assert!(contradicted as u64 <= RUNS / 20);
     let (extended, unscented): (Vec<&Run>, Vec<&Run>) = runs.iter().partition(|run| run.extended);
     for scenario in SCENARIOS {
         describe(scenario, &unscented.iter().copied().filter(|run| run.scenario == scenario).collect::<Vec<_>>());

@@ -1,29 +1,50 @@
-//! The unknowns `[K, h, lambda]` and the coordinates `theta` in which the filter works.
+//! What the filter's states mean: coordinates `theta` of the unknowns `[K, h, lambda]`, and relative errors of the
+//! rolling radii.
 
-use super::parameters::{Coordinates, Start};
-use crate::model::wheel_loader::Unknowns;
-use nalgebra::Vector3;
+use super::parameters::{Coordinates, Initial, Parameters};
+use crate::model::wheel_loader::{Loader, Unknowns, WheelLoader};
+use nalgebra::{SVector, Vector3};
 
 /// Lower limits of `[K, h, lambda]`.
 const LOW: [f64; 3] = [2.0, 0.3, 0.1];
 /// Upper limits of `[K, h, lambda]`.
 const HIGH: [f64; 3] = [80.0, 2.5, 0.9];
 
-/// `p = lo + (hi - lo) / (1 + exp(-theta))`, or `p = theta` clipped.
+/// `p = lo + (hi - lo) / (1 + exp(-theta))`, or `p = theta` clipped, and `r = (1 + d) r_given`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Map {
+    /// The machine with the radii as given.
+    pub machine: WheelLoader,
     direct: bool,
-    /// What one logit unit is worth in this map's coordinates at the start values.
+    /// What one logit unit is worth in this map's coordinates at the initial values.
     pub unit: Vector3<f64>,
 }
 
 impl Map {
-    /// The map for the chosen coordinates; `start` scales the logit units of direct coordinates.
-    pub fn new(coordinates: Coordinates, start: &Start) -> Self {
-        let direct = coordinates == Coordinates::Direct;
-        let logit = Self { direct: false, unit: Vector3::repeat(1.0) };
-        let slope = logit.slope(&unknowns(start));
-        Self { direct, unit: if direct { slope } else { logit.unit } }
+    /// The map for the chosen coordinates; the initial values scale the logit units of direct coordinates.
+    pub fn new(parameters: &Parameters) -> Self {
+        let direct = parameters.filter.parameters == Coordinates::Direct;
+        let logit = Self { machine: parameters.machine(), direct: false, unit: Vector3::repeat(1.0) };
+        let unit = if direct { logit.derivative(&initial_unknowns(&parameters.initial)) } else { logit.unit };
+        Self { direct, unit, ..logit }
+    }
+
+    /// The rolling radii with these relative errors.
+    pub fn radius(&self, errors: [f64; 2]) -> [f64; 2] {
+        let given = self.machine.loader.wheel_radius();
+        [given[0] * (1.0 + errors[0]), given[1] * (1.0 + errors[1])]
+    }
+
+    /// The machine with the radii of a belief's mean.
+    pub fn corrected(&self, mean: &SVector<f64, 8>) -> WheelLoader {
+        let [wheel_radius_front, wheel_radius_rear] = self.radius([mean[6], mean[7]]);
+        let loader = Loader { wheel_radius_front, wheel_radius_rear, ..self.machine.loader };
+        WheelLoader { loader, ..self.machine }
+    }
+
+    /// The unknowns of a belief's mean.
+    pub fn unknowns_of(&self, mean: &SVector<f64, 8>) -> Unknowns {
+        self.unknowns(&Vector3::new(mean[3], mean[4], mean[5]))
     }
 
     /// The unknowns at `theta`.
@@ -50,12 +71,12 @@ impl Map {
 
     /// `d p / d theta` at these unknowns, the factor from standard deviations of `theta` to those of
     /// the unknowns.
-    pub fn slope(&self, unknowns: &Unknowns) -> Vector3<f64> {
-        Vector3::from_fn(|i, _| self.slope_of(i, unknowns[i]))
+    pub fn derivative(&self, unknowns: &Unknowns) -> Vector3<f64> {
+        Vector3::from_fn(|i, _| self.derivative_of(i, unknowns[i]))
     }
 
-    /// The slope of one unknown.
-    pub fn slope_of(&self, i: usize, unknown: f64) -> f64 {
+    /// The derivative of one unknown.
+    pub fn derivative_of(&self, i: usize, unknown: f64) -> f64 {
         if self.direct { 1.0 } else { (unknown - LOW[i]) * (HIGH[i] - unknown) / (HIGH[i] - LOW[i]) }
     }
 
@@ -66,9 +87,9 @@ impl Map {
         }
     }
 
-    /// The largest slip stiffness at `deviations` standard deviations above `theta`.
-    pub fn largest_stiffness(&self, theta: f64, deviation: f64) -> f64 {
-        self.unknowns(&Vector3::new(theta + deviation, 0.0, 0.0))[0]
+    /// The slip stiffness at this `theta`.
+    pub fn stiffness(&self, theta: f64) -> f64 {
+        self.unknowns(&Vector3::new(theta, 0.0, 0.0))[0]
     }
 
     /// Whether an unknown is within 1 % of its range's ends.
@@ -117,7 +138,7 @@ impl Centre {
     }
 }
 
-/// The start values as unknowns.
-pub fn unknowns(start: &Start) -> Unknowns {
-    Vector3::new(start.slip_stiffness, start.cg_height, start.cg_ratio)
+/// The initial values as unknowns.
+pub fn initial_unknowns(initial: &Initial) -> Unknowns {
+    Vector3::new(initial.slip_stiffness, initial.cg_height, initial.cg_ratio)
 }

@@ -10,7 +10,7 @@
 //! - `cg_ratio` and `slip_stiffness` need traction: torque at the wheels of a moving machine.
 //! - `cg_height` needs *changing* acceleration. At constant torque only the combination
 //!   `lambda - h (v' + g sin alpha)/(g l cos alpha)` is seen; `cg_height_std` then stays where it
-//!   started and the estimate with it. The flag `cg_height_observable` says when data have spoken.
+//!   started and the estimate with it. The flag `cg_height_observable` says when the data have revealed it.
 //! - `load_ratio` moves with acceleration, slope and spading; the source most probably plots it as
 //!   "CG location". The geometric centre of gravity of a rigid loader does not move.
 //! - A mismatch of the rolling radii looks like slip. See `filter.radii`.
@@ -22,58 +22,74 @@
 //! loaders with front/rear-axle-independent electric driving" (2021); its errata stand beside the
 //! equations in the model and the filter.
 
+mod belief;
 mod coordinates;
-mod engine;
+mod evidence;
+mod filter;
+mod noise;
 mod parameters;
+mod prediction;
 mod report;
 mod supervision;
+mod uncertainty;
+mod variables;
 
+pub use belief::Belief;
 pub use parameters::*;
+pub use variables::{Inputs, Outputs};
 
-use super::{Estimator, StateError};
-use crate::filter::gaussian::FactoredGaussian;
-use crate::model::wheel_loader::Drive;
+use super::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
+use crate::model::wheel_loader::{Drive, Motion};
 use crate::{ParameterError, Status};
-use engine::{Belief, Engine};
+use belief::reset_unknowns;
+use evidence::{SlipEvidence, SlipLimits};
+use filter::{Channels, LoaderFilter};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
-use supervision::Supervision;
+use supervision::{Mode, Supervision};
+use uncertainty::Uncertainty;
 
 /// A gap longer than this makes the motion begin anew, s.
 const LONGEST_GAP: f64 = 0.5;
-/// Inputs beyond these are no measurements: torques and forces, slope, speed, wheel speeds.
-const PLAUSIBLE: (f64, f64, f64, f64) = (1e8, 1.5, 200.0, 2e3);
 
-/// Estimator of the wheel loader's centre of gravity.
-#[derive(Clone, Debug)]
-pub struct WheelLoader {
-    parameters: Parameters,
-    engine: Engine,
-    state: State,
-}
+/// The estimator; see the [module](self).
+pub type WheelLoader = Sampled<LoaderMachine>;
 
 /// Everything that a step changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
-    belief: Belief,
-    /// A first sample has set the motion.
-    started: bool,
-    supervision: Supervision,
-    /// The last drive that was valid, channel by channel.
+    /// The filter's belief `[v, w_f, w_r, theta_K, theta_h, theta_lambda, d_f, d_r]`: motion, unknowns
+    /// in the filter's coordinates, relative errors of the rolling radii.
+    pub belief: Belief,
+    channels: Channels,
+    /// A sample has given the motion since the start or the last gap.
+    motion_known: bool,
+    /// The drive of the last sample.
     drive: Drive,
-    nis: f64,
-    log_likelihood: f64,
-    status: Status,
+    supervision: Supervision,
+    evidence: SlipEvidence,
 }
 
 impl State {
-    /// The filter's belief `[v, w_f, w_r, theta_K, theta_h, theta_lambda, d_f, d_r]`: motion, unknowns
-    /// in the filter's coordinates, relative errors of the rolling radii.
-    pub fn belief(&self) -> &FactoredGaussian<8> {
-        &self.belief
+    fn motion(&self) -> Motion {
+        Motion::new(self.belief.mean[0], self.belief.mean[1], self.belief.mean[2])
     }
 }
 
-impl Estimator for WheelLoader {
+/// The loader's model and filter, under the rules of [`Sampled`].
+#[derive(Clone, Debug)]
+pub struct LoaderMachine {
+    filter: LoaderFilter,
+    hold: Hold,
+    slip_limits: SlipLimits,
+    uncertainty: Uncertainty,
+    initial: Belief,
+    supervise: bool,
+    interpolate_inputs: bool,
+    healthy_std: f64,
+}
+
+impl Machine for LoaderMachine {
     const NAME: &'static str = "WheelLoader";
     const DESCRIPTION: &'static str =
         "Centre of gravity, slip stiffness and axle load share of a wheel loader from axle torques and wheel speeds";
@@ -82,174 +98,136 @@ impl Estimator for WheelLoader {
     type Outputs = Outputs;
     type State = State;
 
-    fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
+    fn new(parameters: &Parameters) -> Result<(Self, State), ParameterError> {
         parameters.check()?;
-        let engine = Engine::new(parameters);
+        let filter = LoaderFilter::new(parameters);
+        let initial = belief::initial(parameters, &filter.map);
         let state = State {
-            belief: *engine.start(),
-            started: false,
-            supervision: Supervision::default(),
+            belief: initial,
+            channels: Channels::default(),
+            motion_known: false,
             drive: Drive::default(),
-            nis: 0.0,
-            log_likelihood: 0.0,
-            status: Status::OK,
+            supervision: Supervision::default(),
+            evidence: SlipEvidence::default(),
         };
-        Ok(Self { parameters: parameters.clone(), engine, state })
+        let machine = Self {
+            slip_limits: SlipLimits::new(parameters, &filter.map, &initial),
+            uncertainty: Uncertainty::new(parameters, &initial),
+            filter,
+            hold: parameters.hold.clone(),
+            initial,
+            supervise: parameters.filter.supervise,
+            interpolate_inputs: parameters.filter.interpolate_inputs,
+            healthy_std: parameters.healthy_std,
+        };
+        Ok((machine, state))
     }
 
-    fn sample_period(&self) -> f64 {
-        self.parameters.sample_period
-    }
-
-    fn step(&mut self, inputs: &Inputs, dt: f64) -> Status {
-        let gap = dt > LONGEST_GAP;
-        if self.state.started && (!dt.is_finite() || dt <= 0.0) {
-            self.state.status = self.state.status | Status::BAD_STEP | Status::SKIPPED;
-            return self.state.status;
+    fn rules(parameters: &Parameters) -> Rules {
+        Rules {
+            sample_period: parameters.sample_period,
+            longest_gap: LONGEST_GAP,
+            limits: Vec::new(),
+            unused: Vec::new(),
         }
-        let mut status = Status::OK;
-        let y = measurements(inputs, &mut status);
-        let before = self.state.drive;
-        let (drive, replaced) = self.drive(inputs, &mut status);
-        let supervision = &mut self.state.supervision;
-        supervision.stale = if replaced { supervision.stale.saturating_add(1) } else { 0 };
-        let nothing = y.iter().all(|value| value.is_nan());
-        supervision.lost = if nothing { supervision.lost.saturating_add(1) } else { 0 };
-        status.raise_if(nothing, Status::NO_MEASUREMENT);
-        self.state.drive = drive;
+    }
 
-        if !self.state.started || gap {
-            status.raise_if(self.state.started, Status::BAD_STEP | Status::RESTARTED);
-            if !nothing {
-                self.engine.begin(&mut self.state.belief, &y);
-                self.state.started = true;
+    fn sample(&mut self, state: &mut State, inputs: &Inputs, screened: Status, elapsed: Elapsed) -> Outcome {
+        let y = Vector3::new(inputs.speed, inputs.wheel_speed_front, inputs.wheel_speed_rear);
+        let drive = drive(inputs);
+        let before = std::mem::replace(&mut state.drive, drive);
+        state.supervision.count(screened);
+        let outcome = match elapsed {
+            Elapsed::Step(dt) if state.motion_known => {
+                let drive = if self.interpolate_inputs { mean(&before, &drive) } else { drive };
+                self.step(state, &drive, &y, dt)
             }
-            self.state.supervision.held = true;
-            (self.state.nis, self.state.log_likelihood) = (0.0, 0.0);
-            status |= Status::HOLD;
-            self.state.status = status | self.report_status();
-            return self.state.status;
-        }
-
-        let mean_drive = if self.parameters.filter.interpolate_inputs { mean(&before, &drive) } else { drive };
-        status |= self.supervised_sample(&mean_drive, &y, dt);
-        self.state.status = status | self.report_status();
-        self.state.status
+            _ => self.begin(state, &y),
+        };
+        Outcome { status: outcome.status | self.conditions(state), ..outcome }
     }
 
-    fn outputs(&self, inputs: &Inputs, ahead: f64, outputs: &mut Outputs) {
-        self.report(inputs, ahead, outputs);
+    fn estimates(&self, state: &State, inputs: &Inputs, horizon: f64, outputs: &mut Outputs) {
+        self.report(state, inputs, horizon, outputs);
     }
 
-    fn state(&self) -> &State {
-        &self.state
+    fn usable(&self, state: &State, outputs: &Outputs) -> bool {
+        !state.evidence.contradicts()
+            && !state.supervision.is_stale(&self.hold)
+            && outputs.cg_ratio.std <= self.healthy_std
     }
 
-    fn restore(&mut self, state: &State) -> Result<(), StateError> {
-        if !state.belief.is_valid() {
-            return Err(StateError("the belief is not finite"));
-        }
-        if !self.engine.radii && state.belief.factor.fixed_rows::<2>(6).amax() > 0.0 {
+    fn check(&self, state: &State) -> Result<(), StateError> {
+        if !self.filter.radii && state.belief.factor.fixed_rows::<2>(6).amax() > 0.0 {
             return Err(StateError("it estimates the radii and this estimator does not"));
         }
-        self.state = state.clone();
         Ok(())
     }
 }
 
-impl WheelLoader {
-    /// One sample under supervision, in this order: hold, floors, time update, gate, measurement
-    /// update, caps.
-    fn supervised_sample(&mut self, drive: &Drive, y: &[f64; 3], dt: f64) -> Status {
-        let mut status = Status::OK;
-        let supervise = self.parameters.filter.supervise;
-        let mean = &self.state.belief.mean;
-        let motion = [mean[0], mean[1], mean[2]];
-        let machine = self.engine.corrected([mean[6], mean[7]]);
-        let supervision = &mut self.state.supervision;
-        if supervise {
-            let reasons = supervision.decide(&self.parameters.hold, &machine, y, &motion, dt);
-            status.raise_if(reasons.standstill, Status::STANDSTILL);
-            status.raise_if(reasons.spin, Status::SLIP);
-            if !reasons.standstill && !reasons.spin {
-                // The radii as given: corrected ones have learnt from the same data.
-                let (machine, limits) = (&self.engine.machine, &self.engine.slip_limits);
-                let raised = supervision.evidence.take(machine, drive, y, limits, dt);
-                if raised {
-                    // What was learnt from contradictory data is forgotten.
-                    self.forget();
-                    status |= Status::RESTARTED;
-                }
-            }
-            status.raise_if(self.state.supervision.held, Status::HOLD);
-            status.raise_if(self.state.supervision.evidence.contradicts, Status::SLIP);
-        } else {
-            supervision.held = false;
-        }
+impl LoaderMachine {
+    /// Begins the motion at a sample, if this says anything about it.
+    fn begin(&self, state: &mut State, y: &Vector3<f64>) -> Outcome {
+        self.filter.begin(&mut state.belief, &mut state.channels, y);
+        state.supervision.reset();
+        state.motion_known = y.iter().any(|value| value.is_finite());
+        Outcome { used: state.motion_known, ..Outcome::default() }
+    }
 
-        let State { belief, supervision, nis, log_likelihood, .. } = &mut self.state;
-        if let Some(outcome) = self.engine.sample(belief, drive, y, dt, supervision) {
-            (*nis, *log_likelihood) = (outcome.nis, outcome.log_likelihood);
-            status.raise_if(outcome.gated, Status::GATED);
-            status.raise_if(outcome.reacquired, Status::RESTARTED);
+    /// One sample under supervision: hold, time update, gate, measurement update, limits.
+    fn step(&self, state: &mut State, drive: &Drive, y: &Vector3<f64>, dt: f64) -> Outcome {
+        let mut status = if self.supervise {
+            self.supervise(state, drive, y, dt)
         } else {
+            state.supervision.mode = Mode::Active;
+            Status::OK
+        };
+        let State { belief, channels, supervision, .. } = state;
+        let Some(innovation) = self.filter.sample(belief, channels, supervision.mode, drive, y, dt) else {
             status |= Status::RECOVERED | Status::SKIPPED;
+            return Outcome { status, ..Outcome::default() };
+        };
+        status.raise_if(innovation.any_rejected(), Status::GATED);
+        status.raise_if(channels.any_let_through(&innovation), Status::RESTARTED);
+        Outcome {
+            status,
+            nis: innovation.nis,
+            channels: innovation.dof,
+            log_likelihood: innovation.log_likelihood,
+            used: innovation.used_count() > 0,
+            // The motion walks at random, which a wheel that spins or grips again does not.
+            unmodelled: supervision.mode == Mode::Held,
+        }
+    }
+
+    /// Decides whether the unknowns are held, and whether what they have learnt can be true.
+    fn supervise(&self, state: &mut State, drive: &Drive, y: &Vector3<f64>, dt: f64) -> Status {
+        let mut status = Status::OK;
+        let (motion, map) = (state.motion(), &self.filter.map);
+        let (machine, contradicted) = (map.corrected(&state.belief.mean), state.evidence.contradicts());
+        let reasons = state.supervision.decide(&self.hold, &machine, y, &motion, contradicted, dt);
+        status.raise_if(reasons.standstill, Status::STANDSTILL);
+        status.raise_if(reasons.spin, Status::SLIP);
+        // By the radii as given: corrected ones have learnt from the same data.
+        if !reasons.standstill && state.evidence.update(&map.machine, drive, y, &self.slip_limits, dt) {
+            // What was learnt from contradictory data is worth nothing.
+            reset_unknowns(&mut state.belief, &self.initial);
+            state.supervision.mode = Mode::Held;
+            status |= Status::RESTARTED;
         }
         status
     }
-
-    /// Puts the unknowns back to where they started.
-    fn forget(&mut self) {
-        let (start, belief) = (self.engine.start(), &mut self.state.belief);
-        for row in 3..engine::STATES {
-            belief.mean[row] = start.mean[row];
-            belief.factor.set_row(row, &start.factor.row(row));
-        }
-        self.state.supervision.held = true;
-    }
-
-    /// The drive of a sample, with what is missing taken from the last valid one.
-    fn drive(&self, inputs: &Inputs, status: &mut Status) -> (Drive, bool) {
-        let last = &self.state.drive;
-        let mut replaced = false;
-        let mut take = |value: f64, last: f64, limit: f64| {
-            if value.abs() <= limit {
-                return value;
-            }
-            replaced = true;
-            status.raise_if(value.is_infinite(), Status::INFINITE);
-            status.raise_if(value.is_finite(), Status::IMPLAUSIBLE);
-            last
-        };
-        let (force, slope, ..) = PLAUSIBLE;
-        let drive = Drive {
-            torque: [take(inputs.torque_front, last.torque[0], force), take(inputs.torque_rear, last.torque[1], force)],
-            brake: [
-                take(inputs.brake_front, last.brake[0], force).abs(),
-                take(inputs.brake_rear, last.brake[1], force).abs(),
-            ],
-            slope: take(inputs.slope, last.slope, slope),
-            force_x: take(inputs.spading_force_x, last.force_x, force),
-            force_z: take(inputs.spading_force_z, last.force_z, force),
-        };
-        status.raise_if(replaced, Status::HELD_INPUT);
-        (drive, replaced)
-    }
 }
 
-/// The measured channels; NaN where there is no usable sample.
-fn measurements(inputs: &Inputs, status: &mut Status) -> [f64; 3] {
-    let (.., speed, wheel_speed) = PLAUSIBLE;
-    let mut take = |value: f64, limit: f64| {
-        if value.abs() <= limit {
-            return value;
-        }
-        status.raise_if(value.is_nan(), Status::MISSING);
-        status.raise_if(value.is_infinite(), Status::INFINITE);
-        status.raise_if(value.is_finite(), Status::IMPLAUSIBLE);
-        f64::NAN
-    };
-    [take(inputs.speed, speed), take(inputs.wheel_speed_front, wheel_speed), take(inputs.wheel_speed_rear, wheel_speed)]
+/// What drives the model.
+fn drive(inputs: &Inputs) -> Drive {
+    Drive {
+        torque: [inputs.torque_front, inputs.torque_rear],
+        brake: [inputs.brake_front.abs(), inputs.brake_rear.abs()],
+        slope: inputs.slope,
+        force_x: inputs.spading_force_x,
+        force_z: inputs.spading_force_z,
+    }
 }
 
 fn mean(a: &Drive, b: &Drive) -> Drive {

@@ -1,7 +1,9 @@
-//! The declared parameters, inputs and outputs of the wheel loader's estimator.
+//! The declared parameters of the wheel loader's estimator.
 
+use crate::ParameterError;
+use crate::filter::innovation::Gate;
+use crate::filter::srukf::UpdateForm;
 use crate::model::wheel_loader::{Loader, Rolling, Tire, WheelLoader};
-use crate::{ParameterError, Status, Variables};
 
 choice! {
     /// Kind of the filter's time update.
@@ -24,8 +26,8 @@ choice! {
 }
 
 variables! {
-    /// What is assumed of the unknowns before the first sample.
-    pub struct Start {
+    /// What is known before the first sample.
+    pub struct Initial {
         /// Slip stiffness: longitudinal force over axle load and slip.
         slip_stiffness: f64 = 19.0, "1", [2.01, 79.9];
         /// Standard deviation of the slip stiffness.
@@ -40,44 +42,38 @@ variables! {
         cg_ratio_std: f64 = 0.1, "1", [1e-6, 0.5];
         /// Relative standard deviation of each rolling radius as given, used if the radii are corrected online. Raise it to 0.003 where they were not calibrated.
         wheel_radius_std: f64 = 4e-4, "1", [1e-7, 0.05];
+        /// Standard deviation of the speed, which the first sample gives.
+        speed_std: f64 = 0.05, "m/s", [1e-6, 10.0];
+        /// Standard deviation of the wheel speeds, which the first sample gives.
+        wheel_speed_std: f64 = 0.1, "rad/s", [1e-6, 100.0];
     }
 }
 
 variables! {
-    /// One standard deviation per state of the motion and per unknown.
-    pub struct ProcessStd {
-        /// Process noise of the speed per 10 ms.
-        speed: f64 = 0.01, "m/s", [0.0, 10.0];
-        /// Process noise of the wheel speeds per 10 ms.
-        wheel_speed: f64 = 0.02, "rad/s", [0.0, 100.0];
-        /// Random walk of the slip stiffness per 10 ms, in logit units; with direct coordinates scaled by the logit's slope at the start value.
-        slip_stiffness: f64 = 1.5e-3, "1", [0.0, 1.0];
-        /// Random walk of the centre of gravity's height per 10 ms, in logit units.
-        cg_height: f64 = 3e-4, "1", [0.0, 1.0];
-        /// Random walk of the centre of gravity's ratio per 10 ms, in logit units.
-        cg_ratio: f64 = 7e-4, "1", [0.0, 1.0];
-        /// Relative random walk of the rolling radii per 10 ms.
-        wheel_radius: f64 = 1e-6, "1", [0.0, 1e-2];
+    /// Process noise: power spectral densities of the random walks that are added to the model.
+    pub struct ProcessPsd {
+        /// Density of the unmodelled acceleration.
+        speed: f64 = 0.01, "m2/s3", [0.0, 1e4], process_noise;
+        /// Density of the unmodelled acceleration of the wheels.
+        wheel_speed: f64 = 0.04, "rad2/s3", [0.0, 1e6], process_noise;
+        /// Density of the drift of the slip stiffness in logit units; with direct coordinates scaled by the logit's derivative at the initial value.
+        slip_stiffness: f64 = 2.25e-4, "1/s", [0.0, 100.0], process_noise;
+        /// Density of the drift of the centre of gravity's height, in logit units.
+        cg_height: f64 = 9e-6, "1/s", [0.0, 100.0], process_noise;
+        /// Density of the drift of the centre of gravity's ratio, in logit units.
+        cg_ratio: f64 = 4.9e-5, "1/s", [0.0, 100.0], process_noise;
+        /// Density of the relative drift of the rolling radii.
+        wheel_radius: f64 = 1e-10, "1/s", [0.0, 1e-2], process_noise;
     }
 }
 
 variables! {
-    /// Noise of the measurements.
+    /// Measurement noise: standard deviations per sample. What bouncing tyres add is found online.
     pub struct MeasurementStd {
-        /// Noise of the speed sensor per sample; what bouncing tyres add is found online.
-        speed: f64 = 0.02, "m/s", [1e-6, 10.0];
-        /// Noise of the wheel speeds per sample; what bouncing tyres add is found online.
-        wheel_speed: f64 = 0.035, "rad/s", [1e-6, 100.0];
-    }
-}
-
-variables! {
-    /// Standard deviations of the motion at the first sample.
-    pub struct MotionStd {
-        /// Standard deviation of the speed.
-        speed: f64 = 0.05, "m/s", [1e-6, 10.0];
+        /// Standard deviation of the speed sensor.
+        speed: f64 = 0.02, "m/s", [1e-6, 10.0], measurement_noise;
         /// Standard deviation of the wheel speeds.
-        wheel_speed: f64 = 0.1, "rad/s", [1e-6, 100.0];
+        wheel_speed: f64 = 0.035, "rad/s", [1e-6, 100.0], measurement_noise;
     }
 }
 
@@ -120,7 +116,7 @@ variables! {
         slip: f64 = 0.12, "1", [1e-3, 10.0];
         /// Time after the start or a hold before the estimates are updated; transients of the tyres settle in it.
         settle_time: f64 = 0.5, "s", [0.0, 60.0];
-        /// Successive samples without any measurement, or with an input that had to be replaced, after which the estimates are held.
+        /// Successive samples without any measurement, or with an old value of an input that has none, after which the estimates are held. An input that never had one does not count.
         samples: i32 = 50, "1", [0, 1_000_000];
     }
 }
@@ -142,13 +138,13 @@ variables! {
 }
 
 variables! {
-    /// What the model's simplifications can make of the estimates however long the log is: standard deviations that are part of the reported ones as far as the data and not the start values made the estimate.
+    /// What the model's simplifications can make of the estimates however long the log is: standard deviations that are part of the reported ones as far as the data and not the initial values made the estimate.
     pub struct ModelError {
         /// Relative standard deviation of the slip stiffness, for tyres whose stiffness changes with load and traction.
         slip_stiffness: f64 = 0.04, "1", [0.0, 1.0];
         /// Relative standard deviation of the centre of gravity's height.
         cg_height: f64 = 0.06, "1", [0.0, 1.0];
-        /// Standard deviation of the loss of rolling radius per tyre deflection. The model has rigid wheels; load transfer then looks like a centre of gravity further ahead, which no data tell apart.
+        /// Standard deviation of the loss of rolling radius per tyre deflection. The model has rigid wheels; load transfer then looks like a centre of gravity further forward, which no data tell apart.
         radius_softness: f64 = 0.05, "1", [0.0, 1.0];
         /// Vertical stiffness of an axle's tyres, by which their deflection follows the load.
         tire_stiffness: f64 = 7e5, "N/m", [1e3, 1e9];
@@ -180,16 +176,14 @@ variables! {
         supervise: bool = true, "1";
         /// Innovations beyond so many standard deviations are rejected.
         gate: f64 = 6.0, "1", [1.0, 1e6], tunable;
-        /// Largest number of successive rejections per channel; after it the motion follows the measurement again.
-        gate_samples: i32 = 20, "1", [0, 1_000_000];
+        /// After so many rejections of a channel in a row the motion follows its samples until one agrees.
+        gate_patience: i32 = 20, "1", [0, 1_000_000];
         /// Process noise.
-        process_std: ProcessStd;
+        process_psd: ProcessPsd;
         /// Measurement noise.
         measurement_std: MeasurementStd;
         /// Adaptation of the measurement noise.
         adaptation: Adaptation;
-        /// Motion at the first sample.
-        start_std: MotionStd;
         /// Lower limits.
         minimum_std: MinimumStd;
         /// Upper limits.
@@ -208,8 +202,8 @@ variables! {
         rolling: Rolling;
         /// The tyres.
         tire: Tire;
-        /// Prior knowledge of the unknowns.
-        start: Start;
+        /// What is known before the first sample.
+        initial: Initial;
         /// When the estimates are held.
         hold: Hold;
         /// The filter.
@@ -221,93 +215,28 @@ variables! {
     }
 }
 
-variables! {
-    /// What is measured.
-    pub struct Inputs {
-        /// Net drive torque of the front axle at the wheels, positive forward. A missing sample keeps the last value for a while, then the estimates are held.
-        torque_front: f64 = 0.0, "N.m", measured;
-        /// Net drive torque of the rear axle at the wheels, positive forward. A missing sample keeps the last value for a while.
-        torque_rear: f64 = 0.0, "N.m", measured;
-        /// Magnitude of the front axle's brake torque. A missing sample keeps the last value for a while.
-        brake_front: f64 = 0.0, "N.m", measured;
-        /// Magnitude of the rear axle's brake torque. A missing sample keeps the last value for a while.
-        brake_rear: f64 = 0.0, "N.m", measured;
-        /// Slope, positive uphill. A missing sample keeps the last value for a while.
-        slope: f64 = 0.0, "rad", measured;
-        /// Spading force at the bucket's tip, positive when it pushes the machine backwards. A missing sample keeps the last value for a while.
-        spading_force_x: f64 = 0.0, "N", measured;
-        /// Spading force at the bucket's tip, positive when it pulls the bucket down. A missing sample keeps the last value for a while.
-        spading_force_z: f64 = 0.0, "N", measured;
-        /// Speed over ground; NaN is a missing sample.
-        speed: f64 = 0.0, "m/s", measured;
-        /// Wheel speed of the front axle; NaN is a missing sample.
-        wheel_speed_front: f64 = 0.0, "rad/s", measured;
-        /// Wheel speed of the rear axle; NaN is a missing sample.
-        wheel_speed_rear: f64 = 0.0, "rad/s", measured;
-    }
-}
-
-variables! {
-    /// What is estimated.
-    pub struct Outputs {
-        /// Distance of the centre of gravity to the rear axle over the wheelbase. Geometric: acceleration does not move it.
-        cg_ratio: f64 = 0.45, "1";
-        /// Standard deviation of the centre of gravity's ratio.
-        cg_ratio_std: f64 = 0.1, "1";
-        /// Height of the centre of gravity above ground. Only changing acceleration reveals it; read it with its standard deviation.
-        cg_height: f64 = 0.95, "m";
-        /// Standard deviation of the height of the centre of gravity.
-        cg_height_std: f64 = 0.16, "m";
-        /// Distance of the centre of gravity to the rear axle.
-        cg_to_rear_axle: f64 = 0.99, "m";
-        /// Standard deviation of the distance of the centre of gravity to the rear axle.
-        cg_to_rear_axle_std: f64 = 0.22, "m";
-        /// Slip stiffness of the tyres: longitudinal force over axle load and slip.
-        slip_stiffness: f64 = 19.0, "1";
-        /// Standard deviation of the slip stiffness.
-        slip_stiffness_std: f64 = 10.0, "1";
-        /// Front axle's share of the present load, which moves with acceleration, slope and spading.
-        load_ratio: f64 = 0.45, "1";
-        /// Standard deviation of the front axle's share of the load.
-        load_ratio_std: f64 = 0.1, "1";
-        /// Rolling radius of the front wheels, as given or as corrected online.
-        wheel_radius_front: f64 = 0.55, "m";
-        /// Standard deviation of the front rolling radius; 0 if the radii are taken as given.
-        wheel_radius_front_std: f64 = 0.0, "m";
-        /// Rolling radius of the rear wheels, as given or as corrected online.
-        wheel_radius_rear: f64 = 0.55, "m";
-        /// Standard deviation of the rear rolling radius; 0 if the radii are taken as given.
-        wheel_radius_rear_std: f64 = 0.0, "m";
-        /// Speed over ground.
-        speed_estimate: f64 = 0.0, "m/s";
-        /// Standard deviation of the speed.
-        speed_estimate_std: f64 = 0.05, "m/s";
-        /// The unknowns are held: standstill, a spinning wheel, no data, or slip that contradicts the torque.
-        hold: bool = true, "1";
-        /// The data have at least halved the standard deviation that the height of the centre of gravity started with.
-        cg_height_observable: bool = false, "1";
-        /// Torque acts but the measured slip is smaller than any tyre allows, or has the wrong sign: a sensor or a radius is wrong.
-        slip_inconsistent: bool = false, "1";
-        /// Normalised innovation squared per channel of the last sample; near 1 if the noise settings fit.
-        nis: f64 = 0.0, "1";
-        /// Logarithm of the likelihood of the last measurement, 0 without one.
-        log_likelihood: f64 = 0.0, "1";
-        /// Conditions of the last sample as a bit field.
-        status: Status = Status::OK, "1";
-        /// The centre of gravity's ratio is known well enough and the inputs are sound.
-        healthy: bool = false, "1";
-    }
-}
-
 impl Parameters {
     /// The machine for the model.
     pub fn machine(&self) -> WheelLoader {
         WheelLoader { loader: self.loader, rolling: self.rolling, tire: self.tire }
     }
 
-    /// Every value within its range, and those that go together.
+    /// The gate; without supervision it rejects nothing.
+    pub(super) fn gate(&self) -> Gate {
+        let Filter { gate, gate_patience, supervise, .. } = self.filter;
+        if supervise { Gate { deviations: gate, patience: gate_patience.max(0) as u32 } } else { Gate::OPEN }
+    }
+
+    /// Form of the measurement update.
+    pub(super) fn form(&self) -> UpdateForm {
+        match self.filter.form {
+            Form::Array => UpdateForm::Array,
+            Form::Andrews => UpdateForm::Andrews,
+        }
+    }
+
+    /// Refuses values within their ranges that do not go together.
     pub(super) fn check(&self) -> Result<(), ParameterError> {
-        self.validate()?;
         let refuse =
             |name: &str, value, unit, reason| Err(ParameterError { name: name.to_owned(), value, unit, reason });
         let Filter { alpha, beta, .. } = self.filter;

@@ -32,12 +32,12 @@ pub const PROBLEM: Problem = Problem { targets, estimate, validate };
 
 const RADII: [&str; 2] = ["loader.wheel_radius_front", "loader.wheel_radius_rear"];
 const ROLLING: &str = "rolling.coefficient";
-const STIFFNESS: &str = "start.slip_stiffness";
-const RATIO: &str = "start.cg_ratio";
-const HEIGHT: &str = "start.cg_height";
+const STIFFNESS: &str = "initial.slip_stiffness";
+const RATIO: &str = "initial.cg_ratio";
+const HEIGHT: &str = "initial.cg_height";
 /// Knowledge of the unknowns for the estimator: their standard errors.
 const WIDTHS: [(&str, &str); 3] =
-    [(STIFFNESS, "start.slip_stiffness_std"), (RATIO, "start.cg_ratio_std"), (HEIGHT, "start.cg_height_std")];
+    [(STIFFNESS, "initial.slip_stiffness_std"), (RATIO, "initial.cg_ratio_std"), (HEIGHT, "initial.cg_height_std")];
 
 /// Axle torque below which a wheel coasts, N.m, and the samples that a coast takes to settle.
 const COAST_TORQUE: f64 = 40.0;
@@ -80,7 +80,7 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
                 machine.radius[axle] = radius;
                 radius_std[axle] = std / radius;
             } else {
-                session.note(format!("no coasting samples: {} stays within its start.wheel_radius_std", RADII[axle]));
+                session.note(format!("no coasting samples: {} stays within its initial.wheel_radius_std", RADII[axle]));
             }
         }
     }
@@ -190,7 +190,7 @@ fn without_height(
     session: &mut Session,
 ) -> Result<Option<Fitted>, FitError> {
     machine.unknowns = given.unknowns;
-    let prior = Some((given.unknowns[2], task.known.get("start.cg_height_std")));
+    let prior = Some((given.unknowns[2], task.known.get("initial.cg_height_std")));
     let start = machine;
     let Some(fit) = slip_fit(logs, &mut machine, [FIXED; 2], prior, names, session)? else { return Ok(None) };
     let mut variance = [0.0; 2];
@@ -205,7 +205,7 @@ fn without_height(
     }
     session.estimate_judged(STIFFNESS, fit, judged(variance[0].sqrt()), |x| x[0]);
     session.estimate_judged(RATIO, fit, judged(variance[1].sqrt()), |x| x[1] / x[0]);
-    session.note("start.cg_height is not seen in the log; start.cg_ratio relies on its given value");
+    session.note("initial.cg_height is not seen in the log; initial.cg_ratio relies on its given value");
     Ok(Some(fit))
 }
 

@@ -37,7 +37,7 @@ impl Machine {
             inertia: [known.get("loader.axle_inertia_front"), known.get("loader.axle_inertia_rear")],
             bucket: [known.get("loader.bucket_reach"), known.get("loader.bucket_height")],
             radius: [known.get(RADII[0]), known.get(RADII[1])],
-            radius_std: known.get("start.wheel_radius_std"),
+            radius_std: known.get("initial.wheel_radius_std"),
             rolling: known.get(ROLLING),
             noise: [known.get("filter.measurement_std.speed"), known.get("filter.measurement_std.wheel_speed")],
             unknowns: [known.get(STIFFNESS), known.get(RATIO), known.get(HEIGHT)],

@@ -1,0 +1,131 @@
+//! Time update: by the model through sigma points or its linearisation, or, while nothing is learnt, by a random walk.
+
+use super::belief::STATES;
+use super::coordinates::Map;
+use super::parameters::{Kind, Parameters, Radii};
+use crate::filter::gaussian::FactoredGaussian;
+use crate::filter::sigma_points::UnscentedTransform;
+use crate::filter::square_root::{absorb_diagonal, variances};
+use crate::filter::srukf;
+use crate::model::wheel_loader::{Drive, Driven, Motion, Unknowns};
+use nalgebra::{SVector, Vector3};
+
+/// Longest implicit step of the model, s.
+const LONGEST_STEP: f64 = 0.01;
+/// Power spectral densities of the motion's random walk while the estimates are held: m2/s3, rad2/s3.
+const HELD_PSD: [f64; 3] = [0.25, 4.0, 4.0];
+
+/// Time update by the model.
+#[derive(Clone, Debug)]
+pub struct Prediction {
+    kind: Kind,
+    transform: UnscentedTransform,
+    substeps: u32,
+    /// Power spectral densities of the process noise, in the filter's coordinates.
+    psd: SVector<f64, STATES>,
+    /// Least standard deviations of the unknowns.
+    minimum: Vector3<f64>,
+}
+
+impl Prediction {
+    /// From the parameters.
+    pub fn new(p: &Parameters, map: &Map) -> Self {
+        let (filter, walk, unit) = (&p.filter, &p.filter.process_psd, map.unit);
+        let radius = if filter.radii == Radii::Estimated { walk.wheel_radius } else { 0.0 };
+        let [stiffness, height, ratio]: [f64; 3] = unit.component_mul(&unit).into();
+        let least = &filter.minimum_std;
+        let minimum = Vector3::new(least.slip_stiffness, least.cg_height, least.cg_ratio).component_mul(&unit);
+        Self {
+            kind: filter.kind,
+            // With radii the sigma points stay as far out as without: one tuning for both.
+            transform: UnscentedTransform::new(6, filter.alpha, filter.beta, filter.kappa),
+            substeps: filter.substeps.max(1) as u32,
+            psd: SVector::from([
+                walk.speed,
+                walk.wheel_speed,
+                walk.wheel_speed,
+                walk.slip_stiffness * stiffness,
+                walk.cg_height * height,
+                walk.cg_ratio * ratio,
+                radius,
+                radius,
+            ]),
+            minimum: if filter.supervise { minimum } else { Vector3::zeros() },
+        }
+    }
+
+    /// Carries the belief over `dt` seconds; unknowns and radii walk only if something may be learnt.
+    pub fn predict<const N: usize, const K: usize>(
+        &self,
+        belief: &mut FactoredGaussian<N>,
+        map: &Map,
+        drive: &Drive,
+        dt: f64,
+        learn: bool,
+    ) {
+        let std = self.process_std(belief, dt, learn);
+        let substeps = self.substeps.max((dt / LONGEST_STEP - 1e-9).ceil() as u32);
+        let mean = &belief.mean;
+        let motion = Motion::new(mean[0], mean[1], mean[2]);
+        let unknowns = map.centre(&Vector3::new(mean[3], mean[4], mean[5]));
+        let (driven, errors) = (Driven::new(&map.machine, drive), radius_errors(mean));
+        match self.kind {
+            Kind::SquareRootUnscented => {
+                let advance = |motion: &Motion, unknowns: &Unknowns, errors: [f64; 2]| {
+                    driven.advance(map.radius(errors), motion, unknowns, dt, substeps)
+                };
+                let centre = advance(&motion, &unknowns.unknowns, errors);
+                srukf::predict::<N, 3, K>(belief, &self.transform, &std, &centre, |offset| {
+                    let step = Motion::new(offset[0], offset[1], offset[2]);
+                    let [up, down] = unknowns.pair(&Vector3::new(offset[3], offset[4], offset[5]));
+                    let [front, rear] = radius_errors(offset);
+                    [
+                        advance(&(motion + step), &up, [errors[0] + front, errors[1] + rear]),
+                        advance(&(motion - step), &down, [errors[0] - front, errors[1] - rear]),
+                    ]
+                });
+            }
+            Kind::Extended => {
+                let (moved, mut f) =
+                    driven.advance_linearised::<N>(map.radius(errors), &motion, &unknowns.unknowns, dt, substeps);
+                let derivative = map.derivative(&unknowns.unknowns);
+                for row in 0..3 {
+                    for k in 3..6 {
+                        f[(row, k)] *= derivative[k - 3];
+                    }
+                    for k in 6..N {
+                        f[(row, k)] /= 1.0 + mean[k];
+                    }
+                }
+                srukf::predict_linearised::<N, 3, K>(belief, &moved, &f, &std);
+            }
+        }
+    }
+
+    /// Standard deviations of the process noise over `dt` seconds. Those of the unknowns make up for what is short of
+    /// their least standard deviations.
+    fn process_std<const N: usize>(&self, belief: &FactoredGaussian<N>, dt: f64, learn: bool) -> SVector<f64, N> {
+        let mut std = SVector::<f64, N>::from_fn(|i, _| if i < 3 || learn { (self.psd[i] * dt).sqrt() } else { 0.0 });
+        if learn {
+            let variance = variances(&belief.factor);
+            for i in 0..3 {
+                let short = self.minimum[i] * self.minimum[i] - variance[3 + i];
+                if short > 0.0 {
+                    std[3 + i] = (std[3 + i] * std[3 + i] + short).sqrt();
+                }
+            }
+        }
+        std
+    }
+}
+
+/// The relative errors of the radii, where they are among the states.
+fn radius_errors<const N: usize>(state: &SVector<f64, N>) -> [f64; 2] {
+    if N > 6 { [state[6], state[7]] } else { [0.0; 2] }
+}
+
+/// Time update while nothing is learnt: the motion walks at random, the unknowns keep mean and covariance.
+pub fn hold<const N: usize>(belief: &mut FactoredGaussian<N>, dt: f64) {
+    let std = SVector::<f64, N>::from_fn(|i, _| if i < 3 { (HELD_PSD[i] * dt).sqrt() } else { 0.0 });
+    absorb_diagonal(&mut belief.factor, &std);
+}

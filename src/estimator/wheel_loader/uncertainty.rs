@@ -1,0 +1,70 @@
+//! How far the unknowns may be off: by the filter's covariance, and by what the model leaves out.
+
+use super::belief::Belief;
+use super::coordinates::Map;
+use super::parameters::{ModelError, Parameters};
+use crate::model::wheel_loader::{GRAVITY, Unknowns};
+use nalgebra::Vector3;
+
+/// What the standard deviations of the unknowns follow from, beside the belief.
+#[derive(Clone, Debug)]
+pub struct Uncertainty {
+    model: ModelError,
+    /// Standard deviations of the unknowns before the first sample.
+    initial_std: Vector3<f64>,
+    /// The same in the filter's coordinates.
+    initial_theta_std: Vector3<f64>,
+}
+
+impl Uncertainty {
+    /// From the parameters and the belief before the first sample.
+    pub fn new(p: &Parameters, initial: &Belief) -> Self {
+        let known = &p.initial;
+        Self {
+            model: p.model_error.clone(),
+            initial_std: Vector3::new(known.slip_stiffness_std, known.cg_height_std, known.cg_ratio_std),
+            initial_theta_std: Vector3::from_fn(|i, _| initial.factor[(3 + i, 3 + i)]),
+        }
+    }
+
+    /// Standard deviation of one unknown: the filter's and the model's. An unknown at the end of its range is
+    /// known no better than before the first sample.
+    pub fn std(&self, i: usize, map: &Map, belief: &Belief, unknowns: &Unknowns) -> f64 {
+        let (derivative, std) = (map.derivative_of(i, unknowns[i]), belief.std(3 + i));
+        let by_filter = derivative * derivative * (std * std);
+        let std = (by_filter + self.model_variance(i, map, belief, unknowns)).sqrt();
+        if map.at_end(i, unknowns[i]) { std.max(self.initial_std[i]) } else { std }
+    }
+
+    /// Whether the data have at least halved the height's standard deviation.
+    pub fn height_is_observable(&self, map: &Map, belief: &Belief, unknowns: &Unknowns) -> bool {
+        self.std(1, map, belief, unknowns) < 0.5 * self.initial_std[1]
+    }
+
+    /// Variance that the model's simplifications add, as far as the data and not the initial values made the estimate.
+    pub fn model_variance(&self, i: usize, map: &Map, belief: &Belief, unknowns: &Unknowns) -> f64 {
+        let left = belief.std(3 + i) / self.initial_theta_std[i];
+        let model = self.model_std(i, map, unknowns);
+        (1.0 - left * left).max(0.0) * model * model
+    }
+
+    /// What the model's simplifications can make of an unknown, as a standard deviation.
+    ///
+    /// A radius that shrinks by the share `s` of the tyre's deflection makes the acceleration's load
+    /// transfer, `m h/l` times it, into slip that is proportional to the torque, as that of the load
+    /// share itself: `dlambda = lambda (1 - lambda) 2 s K m g h / (l k r)`.
+    fn model_std(&self, i: usize, map: &Map, unknowns: &Unknowns) -> f64 {
+        let (error, [stiffness, h, lambda]) = (&self.model, (*unknowns).into());
+        match i {
+            0 => error.slip_stiffness * stiffness,
+            1 => error.cg_height * h,
+            _ => {
+                let loader = &map.machine.loader;
+                let radius = 0.5 * (loader.wheel_radius_front + loader.wheel_radius_rear);
+                let softness = 2.0 * error.radius_softness * stiffness * loader.mass * GRAVITY * h
+                    / (loader.wheelbase * error.tire_stiffness * radius);
+                lambda * (1.0 - lambda) * softness
+            }
+        }
+    }
+}
