@@ -9,7 +9,7 @@
 //! | `consistency` | whether reported standard deviations, NIS and NEES are those that the errors show |
 //! | `inputs` | bad, missing and strange samples, steps, parameters and stored states |
 //!
-//! Beside them `allocation` (a step allocates nothing), `recordings` (real machines, whose logs are not part of the
+//! `contract` tries what every estimator promises on all of them. Beside them `allocation` (a step allocates nothing), `recordings` (real machines, whose logs are not part of the
 //! repository) and what only one machine has. Studies that need the simulations of `identify` are in
 //! `identify/tests`, under the same names.
 
@@ -17,6 +17,7 @@
 mod counting;
 mod support;
 
+mod contract;
 mod filter;
 mod walls;
 
