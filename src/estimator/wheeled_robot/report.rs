@@ -1,7 +1,7 @@
 //! Outputs from the state: the estimates carried forward, and their standard deviations.
 
 use super::variables::Outputs;
-use super::{RobotMachine, State};
+use super::{RobotMachine, State, UNREACHABLE};
 use crate::filter::gaussian::FactoredGaussian;
 use crate::model::wheeled_robot::{Drive, Driven, Motion, Wheels};
 use crate::variable::Estimate;
@@ -25,11 +25,16 @@ impl RobotMachine {
         let (mut load, mut lateral) = (state.load, state.lateral);
         if horizon > 0.0 {
             let steps = (horizon / self.parameters.sample_period).ceil().max(1.0);
-            for _ in 0..steps as u32 {
-                [x] = self.integration.advance(&driven, [x], horizon / steps, x[0]);
+            let moved = (0..steps as u32).fold(x, |x, _| {
+                let [x] = self.integration.advance(&driven, [x], horizon / steps, x[0]);
+                x
+            });
+            // forces that no machine has would carry it anywhere
+            if moved.iter().all(|value| value.abs() < UNREACHABLE) {
+                x = moved;
+                let [carried] = driven.forces_of(&[x]);
+                (load, lateral) = (carried.load, carried.lateral);
             }
-            let [carried] = driven.forces_of(&[x]);
-            (load, lateral) = (carried.load, carried.lateral);
         }
 
         let [vx, vy, r] = x;
