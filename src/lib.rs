@@ -30,7 +30,7 @@
 //!
 //! 1. `src/model/NAME`: its physical parameters, declared with [`variables!`], and its equations.
 //! 2. `src/estimator/NAME`: inputs, outputs, parameters and an `impl Machine`; one line in
-//!    [`visit_all`](estimator::visit_all). It is an FMU now, and `tests/contract.rs` tries on it what all promise.
+//!    [`visit_all`](estimator::visit_all). It is an FMU now, and `tests/contract` tries on it what all promise.
 //! 3. `src/plant/NAME`: a richer machine to test with, its equations written anew.
 //! 4. `identify/src/vehicles/NAME`: its regression, scenarios and record; one line in `vehicles::ALL`.
 //! 5. `fmu/assets/pictures/NAME.png`: the picture of its documentation page.

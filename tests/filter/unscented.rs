@@ -55,7 +55,7 @@ fn expected(belief: &FactoredGaussian<5>, z: &V3, std: &V3, used: [bool; 3], con
     let nis = residual.dot(&(&inverse * &residual));
     Expected {
         mean: belief.mean + &gain * residual,
-        covariance: M5::from_fn(|i, j| (&rest * p * rest.transpose() + &gain * &noise * gain.transpose())[(i, j)]),
+        covariance: M5::from_fn(|i, j| (rest * p * rest.transpose() + &gain * &noise * gain.transpose())[(i, j)]),
         nis,
         log_likelihood: -0.5 * (nis + s.determinant().ln() + m as f64 * TAU.ln()),
     }

@@ -84,7 +84,8 @@ fn torque_without_slip_is_called_inconsistent_and_forgotten() {
 #[test]
 fn wrong_units_and_signs_contradict() {
     let per_minute = 60.0 / std::f64::consts::TAU;
-    let wrongs: [(&str, fn(&mut Inputs, f64), f64); 9] = [
+    type Change = fn(&mut Inputs, f64);
+    let wrongs: [(&str, Change, f64); 9] = [
         ("front wheel in rpm", |inputs, factor| inputs.wheel_speed_front *= factor, per_minute),
         ("rear wheel in rpm", |inputs, factor| inputs.wheel_speed_rear *= factor, per_minute),
         (
