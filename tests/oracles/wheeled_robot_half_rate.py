@@ -4,7 +4,7 @@ The error of a Kalman filter with given noise settings (q, r), driven by sensors
 follows a linear recursion around a steady motion. Here the three-state model is written once more in numpy, its
 Jacobians are differences, and the recursion is run with and without every second update. The noise is that of the
 simulated robot: wheels 0.03 rad/s, accelerations 0.1 m/s2, gyro 0.01 rad/s, steering angle 0.003 rad; the settings
-are q = 0.02 for each state and r = (0.1, 0.1, 0.01, 0.05).
+are q = 0.02 per sample for each state (a power spectral density of 0.04) and r = (0.1, 0.1, 0.01, 0.05).
 
     python tests/oracles/wheeled_robot_half_rate.py
 
@@ -33,11 +33,11 @@ def lateral_force(slip, load):
 
 
 def accelerations(x, steering, pull):
-    """Specific forces ahead and to the left, yaw acceleration; `pull` is the sum of the driving forces, N."""
+    """Specific forces forward and to the left, yaw acceleration; `pull` is the sum of the driving forces, N."""
     cosine, sine = np.array([np.cos(steering)] * 2 + [1, 1]), np.array([np.sin(steering)] * 2 + [0, 0])
     beside = 0.5 * np.array([TRACKS[0], -TRACKS[0], TRACKS[1], -TRACKS[1]])
-    ahead = np.array([FRONT, FRONT, -REAR, -REAR])
-    ux, uy = x[0] - x[2] * beside, x[1] + x[2] * ahead
+    forward = np.array([FRONT, FRONT, -REAR, -REAR])
+    ux, uy = x[0] - x[2] * beside, x[1] + x[2] * forward
     slip = -np.arctan((uy * cosine - ux * sine) / (ux * cosine + uy * sine))
     base, drive = FRONT + REAR, np.full(4, pull / 4)
     ax, ay = (drive * cosine).sum() / MASS, 0.0
@@ -49,7 +49,7 @@ def accelerations(x, steering, pull):
         side = lateral_force(slip, load)
         bx, by = drive * cosine - side * sine, drive * sine + side * cosine
         ax, ay = bx.sum() / MASS, by.sum() / MASS
-    return np.array([ax, ay, (by * ahead - bx * beside).sum() / YAW_INERTIA])
+    return np.array([ax, ay, (by * forward - bx * beside).sum() / YAW_INERTIA])
 
 
 def advance(x, steering, pull):
@@ -63,7 +63,7 @@ def measure(x, steering, pull):
     return np.array([ax, ay, x[2], x[0]])
 
 
-def slope(function, x):
+def derivative(function, x):
     steps = 1e-5 * np.eye(len(x))
     return np.array([(function(x + e) - function(x - e)) / 2e-5 for e in steps]).T
 
@@ -80,9 +80,9 @@ def steady(steering):
 def error(steering, halved):
     """Standard deviations of the states' errors over two samples of the steady state."""
     x, pull = steady(steering)
-    f, h = slope(lambda y: advance(y, steering, pull), x), slope(lambda y: measure(y, steering, pull), x)
-    b = slope(lambda d: advance(x, d[0], pull), np.array([steering]))
-    d = slope(lambda d: measure(x, d[0], pull), np.array([steering]))
+    f, h = derivative(lambda y: advance(y, steering, pull), x), derivative(lambda y: measure(y, steering, pull), x)
+    b = derivative(lambda d: advance(x, d[0], pull), np.array([steering]))
+    d = derivative(lambda d: measure(x, d[0], pull), np.array([steering]))
     believed, true, with_steering = 0.01 * np.eye(3), np.zeros((3, 3)), np.zeros((3, 1))
     variances = []
     for n in range(400):

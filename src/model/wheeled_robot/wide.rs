@@ -12,13 +12,13 @@ use wide::f64x4;
 pub struct Driven<'a> {
     model: &'a WheeledRobot,
     longitudinal: f64x4,
-    /// Sines and cosines of the wheels' steering angles, and the hubs' places left and ahead.
+    /// Sines and cosines of the wheels' steering angles, and the hubs' places to the left and forward.
     steering: (f64x4, f64x4),
     left: f64x4,
-    ahead: f64x4,
+    forward: f64x4,
     /// The specific forces and the yaw acceleration by the longitudinal forces alone.
     alone: [f64; 3],
-    /// Acceleration per lateral force: both front wheels' ahead and to the left, both rear wheels' to the left.
+    /// Acceleration per lateral force: both front wheels' forward and to the left, both rear wheels' to the left.
     per_force: [f64; 3],
     /// Yaw acceleration per lateral force of each wheel.
     turning: Wheels,
@@ -45,7 +45,7 @@ impl<'a> Driven<'a> {
             longitudinal,
             steering: (f64x4::new([s, s, 0.0, 0.0]), f64x4::new([c, c, 1.0, 1.0])),
             left: f64x4::new([half_front, -half_front, half_rear, -half_rear]),
-            ahead: f64x4::new([lf, lf, -lr, -lr]),
+            forward: f64x4::new([lf, lf, -lr, -lr]),
             alone,
             per_force: [-s * per_mass, c * per_mass, per_mass],
             turning: [lf * c + half_front * s, lf * c - half_front * s, -lr, -lr].map(|arm| arm * per_inertia),
@@ -57,7 +57,7 @@ impl<'a> Driven<'a> {
     #[inline(always)]
     fn hubs(&self, x: &Motion) -> (f64x4, f64x4) {
         let [vx, vy, r] = x.map(f64x4::splat);
-        let (ux, uy) = (vx - r * self.left, vy + r * self.ahead);
+        let (ux, uy) = (vx - r * self.left, vy + r * self.forward);
         let (s, c) = self.steering;
         (ux * c + uy * s, uy * c - ux * s)
     }
@@ -124,11 +124,11 @@ impl<'a> Driven<'a> {
     /// The specific forces at the centre of gravity, m/s², and the yaw acceleration, rad/s², under lateral forces.
     #[inline(always)]
     fn accelerations(&self, lateral: &Wheels) -> [f64; 3] {
-        let [ahead, left, rear] = self.per_force;
+        let [forward, left, rear] = self.per_force;
         let (front_pair, rear_pair) = (lateral[0] + lateral[1], lateral[2] + lateral[3]);
         let [a, b, c, d] = std::array::from_fn(|i| self.turning[i] * lateral[i]);
         [
-            self.alone[0] + front_pair * ahead,
+            self.alone[0] + front_pair * forward,
             self.alone[1] + front_pair * left + rear_pair * rear,
             self.alone[2] + ((a + b) + (c + d)),
         ]
@@ -156,11 +156,11 @@ impl<'a> Driven<'a> {
         for _ in 0..substeps.max(1) {
             let k1 = self.derivatives(&x);
             x = match integrator {
-                Integrator::Euler => ahead(&x, &k1, h),
+                Integrator::Euler => moved(&x, &k1, h),
                 Integrator::Rk4 => {
-                    let k2 = self.derivatives(&ahead(&x, &k1, 0.5 * h));
-                    let k3 = self.derivatives(&ahead(&x, &k2, 0.5 * h));
-                    let k4 = self.derivatives(&ahead(&x, &k3, h));
+                    let k2 = self.derivatives(&moved(&x, &k1, 0.5 * h));
+                    let k3 = self.derivatives(&moved(&x, &k2, 0.5 * h));
+                    let k4 = self.derivatives(&moved(&x, &k3, h));
                     let mean = |k: usize, i: usize| k1[k][i] + 2.0 * k2[k][i] + 2.0 * k3[k][i] + k4[k][i];
                     std::array::from_fn(|k| std::array::from_fn(|i| x[k][i] + h / 6.0 * mean(k, i)))
                 }
@@ -203,8 +203,8 @@ impl Transfer {
     }
 }
 
-fn ahead<const K: usize>(x: &[Motion; K], slope: &[Motion; K], h: f64) -> [Motion; K] {
-    std::array::from_fn(|k| std::array::from_fn(|i| x[k][i] + h * slope[k][i]))
+fn moved<const K: usize>(x: &[Motion; K], derivative: &[Motion; K], h: f64) -> [Motion; K] {
+    std::array::from_fn(|k| std::array::from_fn(|i| x[k][i] + h * derivative[k][i]))
 }
 
 #[cfg(test)]

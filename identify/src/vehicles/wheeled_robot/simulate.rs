@@ -213,8 +213,8 @@ fn run(request: &Request, p: &Parameters, simulation: &Simulation) -> Log {
         columns.iter_mut().zip(row).for_each(|(column, value)| column.push(value));
         // steering between the samples follows the manoeuvre, torques are held
         let at = x;
-        x = machine.advance(&x, dt, |ahead| Controls {
-            steering: demand(&request.scenario, t + ahead, &at, p, plant).0,
+        x = machine.advance(&x, dt, |later| Controls {
+            steering: demand(&request.scenario, t + later, &at, p, plant).0,
             ..controls
         });
     }
