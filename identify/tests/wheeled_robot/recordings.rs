@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 use wheelstate::estimator::wheeled_robot::{Channels, Outputs, Parameters, WheeledRobot};
-use wheelstate::{Estimator, Variables};
+use wheelstate::{Estimator, Status, Variables};
 use wheelstate_identify::log::{ColumnMap, Log};
 use wheelstate_identify::problem::FitRequest;
 use wheelstate_identify::progress::Progress;
@@ -111,7 +111,9 @@ fn crosswise(log: &Log, p: &Parameters, fitted: impl Fn(&Log, &Parameters) -> Pa
     let mut sum = 0.0;
     for (train, test) in [(&first, &second), (&second, &first)] {
         let fitted = fitted(train, p);
-        let (before, after) = (rmse(test, &run(test, p)), rmse(test, &run(test, &fitted)));
+        let outputs = run(test, &fitted);
+        assert!(outputs.iter().all(|o| !o.diagnostics.status.contains(Status::CONTRADICTED)), "noise as given");
+        let (before, after) = (rmse(test, &run(test, p)), rmse(test, &outputs));
         println!("   unseen half: {before:.4} m/s with the start values, {after:.4} m/s fitted");
         sum += after * after;
     }
@@ -132,4 +134,26 @@ fn revs_at_the_limit_beats_the_open_loop_bicycle() {
     let rmse = crosswise(&log, &revs(), fitted_with_friction);
     println!("REVS 250 LM: speed_y {rmse:.4} m/s, open-loop bicycle 0.22 m/s");
     assert!(rmse < 0.22, "{rmse}");
+}
+
+/// The raw accelerometers are noisier by far than the default says; the estimates, some of them tens of metres per
+/// second off, are then contradicted.
+#[test]
+fn with_the_default_noise_no_estimate_is_far_off_and_healthy() {
+    let recordings = [
+        ("niki_gti/Low_Speed.csv", "niki_gti.toml", niki()),
+        ("revs_250lm/250lm_t150_400.csv", "revs_250lm.toml", revs()),
+    ];
+    for (name, map, mut p) in recordings {
+        let Some(log) = recording(name, map) else { return };
+        let default = Parameters::default().filter;
+        (p.filter.process_psd, p.filter.measurement_std) = (default.process_psd, default.measurement_std);
+        let out = run(&log, &p);
+        let truth = log.channel("speed_y").unwrap();
+        let far = |(o, t): (&Outputs, &f64)| (o.speed_y.value - t).abs() > 3.0 * o.speed_y.std;
+        let wrong = out.iter().zip(truth).filter(|&(o, t)| o.diagnostics.healthy && far((o, t))).count();
+        let share = wrong as f64 / out.len() as f64;
+        println!("{name}: speed_y {:.2} m/s, healthy and beyond three deviations {share:.4}", rmse(&log, &out));
+        assert!(share < 0.01, "{name} {share}");
+    }
 }
