@@ -149,6 +149,23 @@ struct Channel {
     slot: Option<usize>,
 }
 
+impl Channel {
+    /// What is taken instead of a value that is no sample, where the last valid one is `known`; says why.
+    #[cold]
+    fn substitute(&self, value: f64, known: Option<f64>, status: &mut Status) -> f64 {
+        status.raise_if(value.is_infinite(), Status::INFINITE);
+        status.raise_if(value.is_finite(), Status::IMPLAUSIBLE);
+        status.raise_if(self.slot.is_some() && known.is_none(), Status::NEVER_SET);
+        if self.held {
+            status.raise_if(known.is_some(), Status::HELD_INPUT);
+            known.unwrap_or(self.unset)
+        } else {
+            status.raise_if(value.is_nan(), Status::MISSING);
+            f64::NAN
+        }
+    }
+}
+
 /// Everything that a step changes.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub struct State<S> {
@@ -211,27 +228,17 @@ impl<M: Machine> Sampled<M> {
         let mut channels = channels.iter();
         screened.map(&mut |value| {
             let Some(channel) = channels.next() else { return value };
-            if value >= channel.low && value <= channel.high && channel.used {
-                if let Some(slot) = channel.slot {
-                    remember(slot, Some(value));
-                }
-                measured |= !channel.held;
-                return value;
-            }
-            status.raise_if(value.is_infinite(), Status::INFINITE);
             if !channel.used {
+                status.raise_if(value.is_infinite(), Status::INFINITE);
                 return f64::NAN;
             }
-            status.raise_if(value.is_finite(), Status::IMPLAUSIBLE);
-            let known = channel.slot.and_then(|slot| remember(slot, None));
-            status.raise_if(channel.slot.is_some() && known.is_none(), Status::NEVER_SET);
-            if channel.held {
-                status.raise_if(known.is_some(), Status::HELD_INPUT);
-                known.unwrap_or(channel.unset)
-            } else {
-                status.raise_if(value.is_nan(), Status::MISSING);
-                f64::NAN
+            let valid = value >= channel.low && value <= channel.high;
+            let known = channel.slot.and_then(|slot| remember(slot, valid.then_some(value)));
+            if !valid {
+                return channel.substitute(value, known, &mut status);
             }
+            measured |= !channel.held;
+            value
         });
         status.raise_if(!measured, Status::NO_MEASUREMENT);
         (screened, status)
