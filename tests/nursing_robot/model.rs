@@ -115,7 +115,7 @@ fn the_model_equals_the_plant_that_is_derived_another_way() {
         let truth = plant.forces([0.0, hip[1]]);
         assert_close(
             "F_phi",
-            planar.sway_force(sway[1], sway_rate[1], phi_ddot, drive[1]),
+            planar.sway_force(&Lean::new(sway[1]), sway_rate[1], phi_ddot, drive[1]),
             truth.sway_force,
             1e-10,
             1e-10,

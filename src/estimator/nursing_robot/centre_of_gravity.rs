@@ -8,7 +8,7 @@ impl NursingMachine {
     pub(super) fn report_centre_of_gravity(&self, out: &mut Outputs) {
         let (robot, human) = (&self.parameters.robot, &self.parameters.human);
         let (mass, pitch) = (out.load_mass, out.body_pitch);
-        let (person, by_pitch) = (human.cog(robot.seat_height, pitch.value), human.cog_derivative(pitch.value));
+        let (person, by_pitch) = human.cog(robot.seat_height, pitch.value);
         let common = robot.common_cog(mass.value, person);
         let (share, per_mass) = robot.load_share(mass.value);
         let x_std = (by_pitch.x * pitch.std).abs();

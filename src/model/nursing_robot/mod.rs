@@ -179,17 +179,12 @@ impl Human {
         self.swaying_fraction * self.com_height
     }
 
-    /// Centre of gravity of the person: legs and pelvis at the seat, the fraction `mu` at `h n` above it (Yang et al.,
-    /// eq. 10, for `phi_x = 0` in the robot frame).
-    pub fn cog(&self, seat_height: f64, phi: f64) -> CentreOfGravity {
+    /// Centre of gravity of the person, m: legs and pelvis at the seat, the fraction `mu` at `h n` above it (Yang et al.,
+    /// eq. 10, for `phi_x = 0` in the robot frame); and its derivative by the pitch, m/rad.
+    pub fn cog(&self, seat_height: f64, phi: f64) -> (CentreOfGravity, CentreOfGravity) {
         let (sin, cos) = phi.sin_cos();
-        CentreOfGravity { x: self.cog_arm() * sin, z: seat_height + self.cog_arm() * cos }
-    }
-
-    /// Its derivative by the pitch, m/rad. The height's own derivative is minus `x` of this.
-    pub fn cog_derivative(&self, phi: f64) -> CentreOfGravity {
-        let (sin, cos) = phi.sin_cos();
-        CentreOfGravity { x: self.cog_arm() * cos, z: -self.cog_arm() * sin }
+        let (forward, up) = (self.cog_arm() * sin, self.cog_arm() * cos);
+        (CentreOfGravity { x: forward, z: seat_height + up }, CentreOfGravity { x: up, z: -forward })
     }
 }
 
@@ -343,9 +338,8 @@ impl Planar {
 
     /// Force of the swaying body on the robot `F_phi = b (phi'' cos phi - phi'^2 sin phi - omega^2 sin phi)`,
     /// positive slowing it, so that `F = F_f + Mt v' + F_phi`, N.
-    pub fn sway_force(&self, phi: f64, phi_dot: f64, phi_ddot: f64, omega: f64) -> f64 {
-        let (sin, cos) = phi.sin_cos();
-        self.b * (phi_ddot * cos - (phi_dot * phi_dot + omega * omega) * sin)
+    pub fn sway_force(&self, lean: &Lean, phi_dot: f64, phi_ddot: f64, omega: f64) -> f64 {
+        self.b * (phi_ddot * lean.cos - (phi_dot * phi_dot + omega * omega) * lean.sin)
     }
 
     /// How far the posture at rest moves with the relaxed one, `k / (k - b g)`: gravity moves it further. Ten at most.

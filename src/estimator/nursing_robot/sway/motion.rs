@@ -53,18 +53,19 @@ impl Step<'_> {
     }
 
     fn derivative<const N: usize>(&self, x: &SVector<f64, N>) -> SVector<f64, N> {
+        let (v_dot, phi_ddot) = self.acceleration(x, &self.lean.moved_to(x[1]));
         let active = if N > 3 { x[3] } else { 0.0 };
-        let (v_dot, phi_ddot) = self.acceleration(x[0], x[1], x[2], active);
         SVector::from_fn(|i, _| [v_dot, x[2], phi_ddot, -active / self.torque_time][i])
     }
 
-    fn acceleration(&self, v: f64, phi: f64, phi_dot: f64, active: f64) -> (f64, f64) {
-        let lean = self.lean.moved_to(phi);
+    /// `(v', phi'')`.
+    fn acceleration<const N: usize>(&self, x: &SVector<f64, N>, lean: &Lean) -> (f64, f64) {
+        let active = if N > 3 { x[3] } else { 0.0 };
         if self.held {
-            return (0.0, self.planar.held_acceleration(&lean, phi_dot, self.omega, active));
+            return (0.0, self.planar.held_acceleration(lean, x[2], self.omega, active));
         }
-        let force = self.force - self.planar.rolling_resistance(v);
-        self.planar.acceleration(force, &lean, phi_dot, self.omega, active)
+        let force = self.force - self.planar.rolling_resistance(x[0]);
+        self.planar.acceleration(force, lean, x[2], self.omega, active)
     }
 
     /// Force of the swaying body, N.
@@ -72,9 +73,9 @@ impl Step<'_> {
         if N < 3 {
             return self.paper_force(x[1]);
         }
-        let active = if N > 3 { x[3] } else { 0.0 };
-        let (_, phi_ddot) = self.acceleration(x[0], x[1], x[2], active);
-        self.planar.sway_force(x[1], x[2], phi_ddot, self.omega)
+        let lean = self.lean.moved_to(x[1]);
+        let (_, phi_ddot) = self.acceleration(x, &lean);
+        self.planar.sway_force(&lean, x[2], phi_ddot, self.omega)
     }
 
     /// The paper's disturbance force, N.
