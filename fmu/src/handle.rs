@@ -27,7 +27,7 @@ pub fn is_handle(address: usize) -> bool {
 /// The number behind a handle.
 pub fn number(handle: usize) -> Option<usize> {
     let low = handle & ((1 << 48) - 1);
-    (is_handle(handle) && low % (1 << STEP_BITS) == 0).then_some(low >> STEP_BITS)
+    (is_handle(handle) && low.is_multiple_of(1 << STEP_BITS)).then_some(low >> STEP_BITS)
 }
 
 /// A handle that no other call in this process gives.

@@ -43,7 +43,8 @@ thread_local! {
 }
 
 /// What was told of panics before, and is still told of those that are not ours.
-static OTHER: OnceLock<Box<dyn Fn(&PanicHookInfo<'_>) + Send + Sync>> = OnceLock::new();
+type Hook = Box<dyn Fn(&PanicHookInfo<'_>) + Send + Sync>;
+static OTHER: OnceLock<Hook> = OnceLock::new();
 
 fn hook(info: &PanicHookInfo<'_>) {
     if GUARDED.get() {

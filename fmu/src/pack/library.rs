@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn an_arm_library_stands_in_where_no_other_is() {
         let (arm, intel) = (library("aarch64-linux"), library("linux64"));
-        assert_eq!(arm.folders(&[arm.clone()]), ["aarch64-linux", "linux64"]);
+        assert_eq!(arm.folders(std::slice::from_ref(&arm)), ["aarch64-linux", "linux64"]);
         assert_eq!(arm.folders(&[intel.clone(), arm.clone()]), ["aarch64-linux"]);
         assert_eq!(intel.folders(&[intel.clone(), arm]), ["linux64"]);
         assert_eq!(library("aarch64-darwin").folders(&[intel]), ["aarch64-darwin", "darwin64"]);

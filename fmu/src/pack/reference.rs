@@ -31,7 +31,7 @@ const GAP: usize = 13;
 /// Inputs of every row: slow oscillations, small beside what a machine usually does, so that no estimator loses track.
 fn inputs(model: &Model) -> Vec<Vec<f64>> {
     let signal = |i: usize, variable: &Variable, row: usize| {
-        if variable.may_be_missing() && row % GAP == GAP - 1 && (row / GAP + i) % 2 == 0 {
+        if variable.may_be_missing() && row % GAP == GAP - 1 && (row / GAP + i).is_multiple_of(2) {
             return f64::NAN;
         }
         if Type::of(variable.kind) != Type::Real {

@@ -125,7 +125,7 @@ fn experiment(folder: &Path) -> Result<Verdict, String> {
             let got = instance.get(*class, *reference)?;
             let deviation = (got - wanted).abs() / wanted.abs().max(1.0);
             // what is no number deviates, too
-            if !(deviation <= verdict.deviation) {
+            if deviation.is_nan() || deviation > verdict.deviation {
                 (verdict.deviation, verdict.worst) = (deviation, name.clone());
             }
         }

@@ -129,7 +129,7 @@ fn print(text: &str) {
 fn read_logs(vehicle: &Vehicle, args: &LogArgs, progress: &Progress) -> Result<Vec<Log>, Refusal> {
     let maps = maps::Maps::read(vehicle, &args.columns)?;
     let inputs = vehicle.inputs();
-    let inputs: Vec<_> = inputs.iter().map(|input| Input { name: &input.name, unit: &input.unit }).collect();
+    let inputs: Vec<_> = inputs.iter().map(|input| Input { name: &input.name, unit: input.unit }).collect();
     let read = |path: &PathBuf| {
         let log = Log::read_inputs(path, maps.of(path)?, &inputs, progress)?;
         tell(&log);
