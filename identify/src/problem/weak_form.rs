@@ -9,6 +9,8 @@
 pub struct Bump {
     /// `psi`, `psi'`, `psi''`, `psi'''`, already multiplied with the sample period: an integral is a plain sum.
     pub weights: [Vec<f64>; 4],
+    /// `int psi dt` from each sample to the next: the weights of a signal that is held from sample to sample.
+    pub held: Vec<f64>,
 }
 
 impl Bump {
@@ -37,7 +39,7 @@ impl Bump {
                 value * rate.powi(order) * dt
             })
         };
-        Self { weights: [0, 1, 2, 3].map(|order| of(order).collect()) }
+        Self::new([0, 1, 2, 3].map(|order| of(order).collect()), dt)
     }
 
     /// `psi(t) = (1 - cos(2 pi t / T))^2 / 4` on `n + 1` samples.
@@ -56,7 +58,15 @@ impl Bump {
                 value * dt
             })
         };
-        Self { weights: [0, 1, 2, 3].map(|order| of(order).collect()) }
+        Self::new([0, 1, 2, 3].map(|order| of(order).collect()), dt)
+    }
+
+    fn new(weights: [Vec<f64>; 4], dt: f64) -> Self {
+        // Trapezoidal rule with the Euler-Maclaurin term of the slopes at both ends: fourth order.
+        let [psi, slope, ..] = &weights;
+        let between = |k: usize| 0.5 * (psi[k] + psi[k + 1]) - dt / 12.0 * (slope[k + 1] - slope[k]);
+        let held = (0..psi.len() - 1).map(between).collect();
+        Self { weights, held }
     }
 
     /// Samples of a window.
@@ -77,5 +87,10 @@ impl Bump {
     /// `int psi^(order) x dt` over the window that starts at sample `start`; NaN samples make it NaN.
     pub fn integral(&self, order: usize, start: usize, x: impl Fn(usize) -> f64) -> f64 {
         self.weights[order].iter().enumerate().map(|(i, weight)| weight * x(start + i)).sum()
+    }
+
+    /// `int psi x dt` of a signal that is held from each sample to the next.
+    pub fn held_integral(&self, start: usize, x: impl Fn(usize) -> f64) -> f64 {
+        self.held.iter().enumerate().map(|(i, weight)| weight * x(start + i)).sum()
     }
 }

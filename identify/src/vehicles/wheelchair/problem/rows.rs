@@ -11,6 +11,12 @@
 //! `rolling.smoothing_yaw_rate`), `ML = M l`, `IP = Ic + M l^2`, and the accelerometer's biases in
 //! `c1 = -M b_ax`, `c2 = -ML b_ay`. Each is multiplied with a bump and integrated by parts; no signal is
 //! differentiated but the smoothed ones in `sgn` and `r^2`.
+//!
+//! A drive command acts from its sample to the next one, as in the estimator. The yaw acceleration comes from the
+//! encoders and is the mean over that time, so the moment is integrated as a held signal: as a sampled one it would
+//! be early by half a sample and `IP` too large by half a sample of `B` and `tauc`. The accelerometer shows what acts
+//! at its own instant, and so does the force beside it: sums of both agree as they are. What is left of the moment's
+//! steps in the accelerometer, `dx r'`, moves `IP` by the share `ML dx / IP` of that half sample.
 
 use super::signals::Signals;
 use crate::problem::noise::{add_noise, noise_of};
@@ -98,7 +104,7 @@ impl Windows {
         row[TAUC] = int(0, &|i| (s.yaw_rate[i] / chair.rolling.smoothing_yaw_rate).tanh());
         row[ML] = int(0, &|i| s.left[i]) - dx * turning + dy * int(0, &|i| s.yaw_rate[i] * s.yaw_rate[i]);
         row[C2] = int(0, &|_| 1.0);
-        (row, int(0, &|i| s.moment[i]) - chair.rotating_inertia * turning)
+        (row, self.bump.held_integral(start, |i| s.moment[i]) - chair.rotating_inertia * turning)
     }
 
     /// What sensor noise alone makes of the two rows: their covariances with the right-hand sides.
@@ -127,7 +133,8 @@ impl Windows {
             (UNKNOWNS, scaled(psi2, -chair.rotating_inertia)),
         ];
         add(1, &on_heading, heading);
-        add(1, &[(UNKNOWNS, psi.clone())], noise_of(&s.moment));
+        let held: Vec<f64> = self.bump.held.iter().copied().chain([0.0]).collect();
+        add(1, &[(UNKNOWNS, held)], noise_of(&s.moment));
         result
     }
 }

@@ -5,10 +5,11 @@ use crate::problem::{FitError, Known};
 use wheelstate::estimator::wheelchair::Parameters;
 use wheelstate::model::wheelchair::{Chair, wheel_travel};
 
-/// Samples of the running mean whose slope gives speed and yaw rate where products of them are needed.
-const MEAN: usize = 21;
-/// Window of the outlier filter, samples, and its threshold in robust standard deviations.
-const HAMPEL: (usize, f64) = (21, 4.0);
+/// Reach to both sides of the running mean whose slope gives speed and yaw rate where products of them are needed, s.
+const MEAN_REACH: f64 = 0.1;
+/// Reach to both sides of the outlier filter, s, and its threshold in robust standard deviations.
+const HAMPEL_REACH: f64 = 0.1;
+const HAMPEL_THRESHOLD: f64 = 4.0;
 
 /// Signals of one log; NaN is missing.
 #[derive(Clone, Debug, Default)]
@@ -72,7 +73,7 @@ pub fn signals(log: &Log, chair: &Chair) -> Result<Signals, FitError> {
         heading.push(turned);
     }
     let (mut ahead, mut sideways) = (channel("accel_x"), channel("accel_y"));
-    let replaced = hampel(&mut ahead) + hampel(&mut sideways);
+    let replaced = hampel(&mut ahead, period) + hampel(&mut sideways, period);
     Ok(Signals {
         period,
         start: log.time.first().copied().unwrap_or(0.0),
@@ -88,19 +89,24 @@ pub fn signals(log: &Log, chair: &Chair) -> Result<Signals, FitError> {
     })
 }
 
+/// Samples in a time, at least one.
+fn samples(seconds: f64, period: f64) -> usize {
+    ((seconds / period).round() as usize).max(1)
+}
+
 /// Replaces outliers by the median around them; on raw samples, because every window of a hundred
 /// samples holds some and no robust loss on windows could tell them. Returns how many.
-pub fn hampel(x: &mut [f64]) -> usize {
-    let (window, threshold) = HAMPEL;
+pub fn hampel(x: &mut [f64], period: f64) -> usize {
+    let reach = samples(HAMPEL_REACH, period);
     let raw = x.to_vec();
-    let mut around = Vec::with_capacity(window);
+    let mut around = Vec::with_capacity(2 * reach + 1);
     let mut replaced = 0;
     for (i, value) in x.iter_mut().enumerate() {
-        let (from, to) = (i.saturating_sub(window / 2), (i + window / 2 + 1).min(raw.len()));
+        let (from, to) = (i.saturating_sub(reach), (i + reach + 1).min(raw.len()));
         let Some(centre) = median(&mut around, raw[from..to].iter().copied()) else { continue };
         let spread = median(&mut around, raw[from..to].iter().map(|v| (v - centre).abs())).unwrap_or(0.0);
         // A signal that hardly ever moves has no spread to judge by.
-        if spread > 0.0 && (*value - centre).abs() > threshold * 1.4826 * spread {
+        if spread > 0.0 && (*value - centre).abs() > HAMPEL_THRESHOLD * 1.4826 * spread {
             *value = centre;
             replaced += 1;
         }
@@ -111,21 +117,20 @@ pub fn hampel(x: &mut [f64]) -> usize {
 fn median(buffer: &mut Vec<f64>, values: impl Iterator<Item = f64>) -> Option<f64> {
     buffer.clear();
     buffer.extend(values.filter(|value| value.is_finite()));
-    buffer.sort_unstable_by(f64::total_cmp);
     let n = buffer.len();
-    match n {
-        0 => None,
-        n if n % 2 == 1 => Some(buffer[n / 2]),
-        n => Some(0.5 * (buffer[n / 2 - 1] + buffer[n / 2])),
+    if n == 0 {
+        return None;
     }
+    let (below, middle, _) = buffer.select_nth_unstable_by(n / 2, f64::total_cmp);
+    Some(if n % 2 == 1 { *middle } else { 0.5 * (below.iter().copied().fold(f64::MIN, f64::max) + *middle) })
 }
 
 /// Slope of the running mean by central differences, one-sided at the ends.
 fn slope_of_mean(x: &[f64], period: f64) -> Vec<f64> {
-    let n = x.len();
+    let (n, reach) = (x.len(), samples(MEAN_REACH, period));
     let mean: Vec<f64> = (0..n)
         .map(|i| {
-            let part = &x[i.saturating_sub(MEAN / 2)..(i + MEAN / 2 + 1).min(n)];
+            let part = &x[i.saturating_sub(reach)..(i + reach + 1).min(n)];
             part.iter().sum::<f64>() / part.len() as f64
         })
         .collect();
@@ -140,6 +145,7 @@ fn slope_of_mean(x: &[f64], period: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::{PI, TAU};
 
     #[test]
     fn outliers_are_replaced_and_the_rest_is_kept() {
@@ -149,14 +155,14 @@ mod tests {
             x[i] += if i % 2 == 0 { 5.0 } else { -3.0 };
         }
         x[100] = f64::NAN;
-        assert_eq!(hampel(&mut x), 5);
+        assert_eq!(hampel(&mut x, 0.01), 5);
         for (i, (x, clean)) in x.iter().zip(&clean).enumerate() {
             assert!(i == 100 || (x - clean).abs() < 0.5, "{i}: {x} instead of {clean}");
         }
         assert!(x[100].is_nan());
         let mut still = vec![1.0; 50];
         still[3] = 1.1;
-        assert_eq!(hampel(&mut still), 0);
+        assert_eq!(hampel(&mut still, 0.01), 0);
     }
 
     #[test]
@@ -164,5 +170,27 @@ mod tests {
         let x: Vec<f64> = (0..100).map(|i| 0.3 * 0.01 * f64::from(i)).collect();
         let slope = slope_of_mean(&x, 0.01);
         assert!(slope[15..85].iter().all(|v| (v - 0.3).abs() < 1e-9));
+    }
+
+    /// A mean over 0.2 s leaves `sin(pi f T)/(pi f T)` of a motion, and a knock of 30 ms is an outlier, at every rate.
+    #[test]
+    fn windows_last_as_long_at_every_rate() {
+        let frequency = 2.0;
+        for rate in [50.0, 100.0, 500.0] {
+            let (period, samples) = (1.0 / rate, (4.0 * rate) as usize);
+            let motion = |i: usize| (TAU * frequency * i as f64 * period).sin();
+            let position: Vec<f64> = (0..samples).map(motion).collect();
+            let size =
+                slope_of_mean(&position, period)[samples / 4..3 * samples / 4].iter().fold(0.0_f64, |a, b| a.max(*b));
+            let over = PI * frequency * (2.0 * MEAN_REACH + period);
+            let expected = TAU * frequency * over.sin() / over;
+            assert!((size / expected - 1.0).abs() < 0.02, "{rate} Hz: {size} instead of {expected}");
+
+            let mut acceleration: Vec<f64> = (0..samples).map(|i| motion(i) + 0.01 * (i % 3) as f64).collect();
+            let knock = samples / 2..samples / 2 + (0.03 * rate) as usize;
+            knock.clone().for_each(|i| acceleration[i] += 10.0);
+            hampel(&mut acceleration, period);
+            assert!(knock.clone().all(|i| acceleration[i].abs() < 2.0), "{rate} Hz: {:?}", &acceleration[knock]);
+        }
     }
 }
