@@ -127,3 +127,62 @@ fn plain_least_squares_fails_and_is_caught() {
     assert!(plain.theta[0] < 0.7 * 19.0 && (instrumented.theta[0] - 19.0).abs() < 0.1 * 19.0);
     assert!(plain.noise_share[0] > 0.5, "the warning that the regressor is noise");
 }
+
+/// Windows and clusters are times: exact sensors give the same answer, as certain, at every rate.
+#[test]
+fn exact_sensors_give_the_truth_at_every_rate() {
+    let exact = ["noise.speed", "noise.wheel_speed", "noise.torque", "noise.slope"].map(|name| (name, 0.0));
+    let report = |period: f64| {
+        let settings: Vec<(&str, f64)> = exact.into_iter().chain([("sample_period", period)]).collect();
+        fitted(log("accelerate-brake", 1, &settings), &FitRequest::default())
+    };
+    let usual = report(0.01);
+    for period in [0.02, 0.01, 0.002] {
+        let report = report(period);
+        for (name, truth, bound) in [
+            ("rolling.coefficient", 0.03, 0.005),
+            ("initial.cg_ratio", 0.45, 0.002),
+            ("initial.cg_height", 0.95, 0.04),
+            ("initial.slip_stiffness", 19.0, 0.02),
+            ("loader.wheel_radius_front", 0.55, 2e-4),
+            ("loader.wheel_radius_rear", 0.55, 2e-4),
+        ] {
+            let found = &report.parameters[name];
+            assert!(found.identified && (found.value / truth - 1.0).abs() < bound, "{name} at {period} s: {found:?}");
+        }
+        for name in ["rolling.coefficient", "initial.cg_ratio", "initial.slip_stiffness"] {
+            let ratio = report.parameters[name].std_error / usual.parameters[name].std_error;
+            assert!((0.7..1.4).contains(&ratio), "{name} at {period} s: standard error {ratio} times that at 0.01 s");
+        }
+    }
+}
+
+/// At walking pace against the brakes, `(T - B s)/r = f s W/2` per axle with `s = tanh(v/v_s)`: what the user says of
+/// `v_s` reaches brakes and rolling resistance of the fit.
+#[test]
+fn the_speed_over_which_signs_change_is_the_users() {
+    let (speed, smoothing, brake, rolling, radius) = (0.5, 0.5, 400.0, 0.02, 0.55);
+    let sign = f64::tanh(speed / smoothing);
+    let torque = sign * (brake + 0.5 * rolling * 4700.0 * 9.80665 * radius);
+    let samples = 2000;
+    let mut log = Log {
+        source: "creeping".to_owned(),
+        time: (0..samples).map(|k| 0.01 * f64::from(k)).collect(),
+        ..Log::default()
+    };
+    let constant = |value: f64| vec![value; samples as usize];
+    for side in ["front", "rear"] {
+        // A little ripple, without which there is no noise to weigh windows by.
+        log.push(&format!("torque_{side}"), (0..samples).map(|k| torque + (0.7 * f64::from(k)).sin()).collect());
+        log.push(&format!("brake_{side}"), constant(brake));
+        log.push(&format!("wheel_speed_{side}"), constant(speed / radius));
+    }
+    log.push("speed", constant(speed));
+    let request = FitRequest {
+        settings: vec![("rolling.smoothing_speed".to_owned(), smoothing)],
+        only: vec!["rolling.coefficient".to_owned()],
+        ..FitRequest::default()
+    };
+    let found = fitted(log, &request).parameters["rolling.coefficient"].value;
+    assert!((found / rolling - 1.0).abs() < 1e-3, "{found} instead of {rolling}");
+}

@@ -22,10 +22,10 @@ use crate::log::Log;
 use crate::problem::{FitError, Fitted, Judgement, Known, Prediction, Problem, Session, Target, Task};
 use crate::result::Trace;
 use crate::solve::{Affine, Constraint, Regression, Rows, Unknown};
-use sample::{Machine, Sample, samples};
+use sample::{Machine, Run};
 use wheelstate::Variables;
 use wheelstate::estimator::wheel_loader::Parameters;
-use wheelstate::model::wheel_loader::GRAVITY;
+use wheelstate::model::wheel_loader::{GRAVITY, Loader};
 
 /// The problem.
 pub const PROBLEM: Problem = Problem { targets, estimate, validate };
@@ -39,13 +39,16 @@ const HEIGHT: &str = "initial.cg_height";
 const WIDTHS: [(&str, &str); 3] =
     [(STIFFNESS, "initial.slip_stiffness_std"), (RATIO, "initial.cg_ratio_std"), (HEIGHT, "initial.cg_height_std")];
 
-/// Axle torque below which a wheel coasts, N.m, and the samples that a coast takes to settle.
+/// Axle torque below which a wheel coasts, N.m; the time that a coast takes to settle, and the least time of coasting
+/// that says something, s.
 const COAST_TORQUE: f64 = 40.0;
-const COAST_SETTLE: usize = 20;
-/// Samples per window of the impulse balance, and per cluster of the moments: tyres bounce for
-/// several samples.
-const WINDOW: usize = 50;
-const CLUSTER: usize = 25;
+const COAST_SETTLE: f64 = 0.2;
+const LEAST_COASTING: f64 = 0.5;
+/// Length of a window of the impulse balance, and of a cluster of the moments, as long as tyres bounce, s.
+const WINDOW: f64 = 0.5;
+const CLUSTER: f64 = 0.25;
+/// Windows of the impulse balance per cluster.
+const CLUSTER_WINDOWS: u32 = 4;
 /// Slowest speed, m/s, and largest slip of the samples of stage 2.
 const SLOWEST: f64 = 0.8;
 const LARGEST_SLIP: f64 = 0.15;
@@ -70,8 +73,7 @@ fn targets(_: &[Log]) -> Vec<Target> {
 
 fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     let mut machine = Machine::new(task.known);
-    let logs: Vec<(Vec<Sample>, f64)> =
-        task.logs.iter().map(|log| Ok((samples(log)?, log.period()))).collect::<Result<_, FitError>>()?;
+    let logs = task.logs.iter().map(|log| Run::new(log, &machine)).collect::<Result<Vec<_>, _>>()?;
     let mut radius_std = [FIXED; 2];
     for axle in 0..2 {
         if task.wants(RADII[axle]) {
@@ -142,7 +144,7 @@ fn relatively_known(name: &str, session: &Session) -> bool {
 
 /// Solves stage 2 and leaves its answer in the machine for the next linearisation.
 fn slip_fit(
-    logs: &[(Vec<Sample>, f64)],
+    logs: &[Run],
     machine: &mut Machine,
     radius_std: [f64; 2],
     height: Option<(f64, f64)>,
@@ -182,7 +184,7 @@ fn record(fit: Fitted, extra_std: [f64; 3], session: &mut Session) {
 /// can be used. What the radii's uncertainty does to it is found by moving them.
 fn without_height(
     task: &Task,
-    logs: &[(Vec<Sample>, f64)],
+    logs: &[Run],
     mut machine: Machine,
     given: &Machine,
     radius_std: [f64; 2],
@@ -212,7 +214,7 @@ fn without_height(
 /// The log does not contradict the given radii, which were measured better than half a minute of
 /// driving can: they stay, and so does the uncertainty that the log alone would leave.
 fn keep_given_radii(
-    logs: &[(Vec<Sample>, f64)],
+    logs: &[Run],
     mut machine: Machine,
     given: [f64; 2],
     names: &[&str],
@@ -235,26 +237,29 @@ fn keep_given_radii(
 
 /// Stage 0: the radius of an axle and its standard error, or nothing if the machine never coasts.
 fn coasting_radius(
-    logs: &[(Vec<Sample>, f64)],
+    logs: &[Run],
     machine: &Machine,
     axle: usize,
     session: &mut Session,
 ) -> Result<Option<(f64, f64)>, FitError> {
     let mut rows = Rows::new("coasting", "m/s", 1);
-    let mut cluster = 0;
-    for (samples, _) in logs {
+    let mut first = 0;
+    let mut time = 0.0;
+    for run in logs {
         let mut since = 0;
-        for sample in samples {
+        for (k, sample) in run.samples.iter().enumerate() {
+            let forces = [sample.drive.force_x, sample.drive.force_z];
             let coasts = sample.torque.iter().all(|torque| torque.abs() < COAST_TORQUE)
-                && sample.force.iter().all(|force| force.abs() < 100.0);
+                && forces.iter().all(|force| force.abs() < 100.0);
             since = if coasts { since + 1 } else { 0 };
-            if since > COAST_SETTLE && sample.speed > 1.0 {
-                rows.push(&[sample.wheel[axle]], sample.speed, cluster / CLUSTER as u32);
+            let settled = since > run.steps(COAST_SETTLE) && sample.speed > 1.0;
+            if settled && rows.push(&[sample.wheel[axle]], sample.speed, first + run.cluster(k)) {
+                time += run.period;
             }
-            cluster += 1;
         }
+        first += run.cluster(run.samples.len()) + 1;
     }
-    if rows.len() < 50 {
+    if time < LEAST_COASTING - 1e-9 {
         return Ok(None);
     }
     let given = machine.radius[axle];
@@ -271,28 +276,30 @@ fn coasting_radius(
 }
 
 /// Stage 1: impulse balance over windows.
-fn impulse_balance(logs: &[(Vec<Sample>, f64)], machine: &Machine) -> Regression {
-    let Machine { mass, inertia, radius, .. } = *machine;
+fn impulse_balance(logs: &[Run], machine: &Machine) -> Regression {
+    let (radius, Loader { mass, .. }) = (machine.radius, machine.model.loader);
+    let inertia = machine.model.loader.axle_inertia();
     let mut rows = Rows::new("impulse", "N.s", 1);
     let mut cluster = 0;
-    for (samples, dt) in logs {
-        for window in samples.windows(WINDOW + 1).step_by(WINDOW) {
+    for run in logs {
+        let steps = run.steps(WINDOW);
+        for window in run.samples.windows(steps + 1).step_by(steps) {
             if window.iter().any(|sample| sample.speed < 0.3) {
                 continue;
             }
             let (mut impulse, mut weight) = (0.0, 0.0);
             for (k, sample) in window.iter().enumerate() {
-                let share = if k == 0 || k == WINDOW { 0.5 * dt } else { *dt };
+                let share = if k == 0 || k == steps { 0.5 * run.period } else { run.period };
                 let drive: f64 = (0..2).map(|i| sample.torque[i] / radius[i]).sum();
-                impulse += share * (drive - sample.force[0] - mass * GRAVITY * sample.slope.sin());
-                weight += share * sample.weight(machine);
+                impulse += share * (drive - sample.drive.force_x - mass * GRAVITY * sample.drive.slope.sin());
+                weight += share * machine.sense(sample.speed) * machine.model.weight(&sample.drive);
             }
-            let (first, last) = (&window[0], &window[WINDOW]);
+            let (first, last) = (&window[0], &window[steps]);
             impulse -= mass * (last.speed - first.speed);
             for i in 0..2 {
                 impulse -= inertia[i] / radius[i] * (last.wheel[i] - first.wheel[i]);
             }
-            rows.push(&[weight], impulse, cluster / 4);
+            rows.push(&[weight], impulse, cluster / CLUSTER_WINDOWS);
             cluster += 1;
         }
     }
@@ -306,7 +313,7 @@ fn impulse_balance(logs: &[(Vec<Sample>, f64)], machine: &Machine) -> Regression
 
 /// Stage 2: torque against slip and load, unknowns `(K, K lambda, K h, eta_f, eta_r)`.
 fn slip_balance(
-    logs: &[(Vec<Sample>, f64)],
+    logs: &[Run],
     machine: &Machine,
     radius_std: [f64; 2],
     height: Option<(f64, f64)>,
@@ -316,10 +323,9 @@ fn slip_balance(
     let [stiffness, lambda, height] = machine.unknowns;
     let mut rows = Rows::new("slip", "N.m", 5);
     let mut noise = vec![0.0; 36];
-    let mut cluster = 0;
-    for (samples, _) in logs {
-        for sample in samples {
-            cluster += 1;
+    let mut first = 0;
+    for run in logs {
+        for (k, sample) in run.samples.iter().enumerate() {
             for axle in 0..2 {
                 let slipping = sample.slip_speed(machine, axle);
                 let speed = sample.smooth;
@@ -340,7 +346,7 @@ fn slip_balance(
                     row
                 };
                 let row = row_of(slipping);
-                let id = cluster / CLUSTER as u32;
+                let id = first + run.cluster(k + 1);
                 if instrumented {
                     let instruments = row_of(speed * traction / (radius * stiffness * load));
                     rows.push_instrumented(&row, speed * traction, &instruments, id);
@@ -353,7 +359,7 @@ fn slip_balance(
                 }
             }
         }
-        cluster += CLUSTER as u32;
+        first += run.cluster(run.samples.len()) + 1;
     }
     if !instrumented && !rows.is_empty() {
         rows.noise = noise.iter().map(|sum| sum / rows.len() as f64).collect();
@@ -390,8 +396,8 @@ fn slip_balance(
 /// The regression of stage 2 with the known radii, by instruments or by plain least squares: for
 /// comparisons.
 pub fn slip_regression(log: &Log, known: &Known, instrumented: bool) -> Result<Regression, FitError> {
-    let logs = vec![(samples(log)?, log.period())];
-    Ok(slip_balance(&logs, &Machine::new(known), [FIXED; 2], None, instrumented))
+    let machine = Machine::new(known);
+    Ok(slip_balance(&[Run::new(log, &machine)?], &machine, [FIXED; 2], None, instrumented))
 }
 
 /// Predicts the slip speed `r w - v` of each axle, averaged over half a second.
@@ -400,7 +406,8 @@ fn validate(task: &Task) -> Vec<Prediction> {
     let [stiffness, lambda, height] = machine.unknowns;
     let mut predictions = Vec::new();
     for log in task.logs {
-        let Ok(samples) = samples(log) else { continue };
+        let Ok(run) = Run::new(log, &machine) else { continue };
+        let steps = run.steps(WINDOW);
         for (axle, name) in ["slip speed, front axle", "slip speed, rear axle"].iter().enumerate() {
             let mut trace = Trace {
                 name: (*name).to_owned(),
@@ -410,17 +417,17 @@ fn validate(task: &Task) -> Vec<Prediction> {
                 measured: Vec::new(),
                 predicted: Vec::new(),
             };
-            for (window, times) in samples.chunks_exact(WINDOW).zip(log.time.chunks_exact(WINDOW)) {
+            for (window, times) in run.samples.chunks_exact(steps).zip(log.time.chunks_exact(steps)) {
                 let (mut measured, mut predicted) = (0.0, 0.0);
                 for sample in window {
                     let g = sample.load_row(&machine, axle);
                     let load = g[0] + g[1] * lambda + g[2] * height;
                     let radius = machine.radius[axle];
                     let sigma = sample.traction(&machine, axle) / (radius * stiffness * load);
-                    measured += sample.slip_speed(&machine, axle) / WINDOW as f64;
-                    predicted += sigma * sample.speed / WINDOW as f64;
+                    measured += sample.slip_speed(&machine, axle) / steps as f64;
+                    predicted += sigma * sample.speed / steps as f64;
                 }
-                trace.time.push(times[WINDOW / 2]);
+                trace.time.push(times[steps / 2]);
                 trace.measured.push(measured);
                 trace.predicted.push(predicted);
             }

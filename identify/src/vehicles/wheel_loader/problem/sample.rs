@@ -3,19 +3,14 @@
 use super::{CLUSTER, HEIGHT, RADII, RATIO, ROLLING, STIFFNESS};
 use crate::log::Log;
 use crate::problem::{FitError, Known};
-use wheelstate::model::wheel_loader::GRAVITY;
+use wheelstate::estimator::wheel_loader::Parameters;
+use wheelstate::model::wheel_loader::{Drive, GRAVITY, Loader, WheelLoader};
 
 /// What is known of the machine.
 #[derive(Clone, Copy, Debug)]
 pub struct Machine {
-    /// Mass, kg.
-    pub mass: f64,
-    /// Wheelbase, m.
-    pub wheelbase: f64,
-    /// Axle inertias, kg.m2.
-    pub inertia: [f64; 2],
-    /// Reach and height of the bucket's tip, m.
-    pub bucket: [f64; 2],
+    /// Masses, lengths and rolling resistance as given.
+    pub model: WheelLoader,
     /// Rolling radii, m.
     pub radius: [f64; 2],
     /// Relative standard deviation of the radii as given.
@@ -32,16 +27,18 @@ impl Machine {
     /// From the known parameters.
     pub fn new(known: &Known) -> Self {
         Self {
-            mass: known.get("loader.mass"),
-            wheelbase: known.get("loader.wheelbase"),
-            inertia: [known.get("loader.axle_inertia_front"), known.get("loader.axle_inertia_rear")],
-            bucket: [known.get("loader.bucket_reach"), known.get("loader.bucket_height")],
+            model: known.parameters::<Parameters>().machine(),
             radius: [known.get(RADII[0]), known.get(RADII[1])],
             radius_std: known.get("initial.wheel_radius_std"),
             rolling: known.get(ROLLING),
             noise: [known.get("filter.measurement_std.speed"), known.get("filter.measurement_std.wheel_speed")],
             unknowns: [known.get(STIFFNESS), known.get(RATIO), known.get(HEIGHT)],
         }
+    }
+
+    /// Smooth sign `s(v)` of a speed.
+    pub fn sense(&self, speed: f64) -> f64 {
+        (speed / self.model.rolling.smoothing_speed).tanh()
     }
 }
 
@@ -50,10 +47,8 @@ impl Machine {
 pub struct Sample {
     /// Net torque of each axle, brakes subtracted, N.m.
     pub torque: [f64; 2],
-    /// Slope, rad.
-    pub slope: f64,
-    /// Spading forces backwards and down, N.
-    pub force: [f64; 2],
+    /// What acts on the machine.
+    pub drive: Drive,
     /// Measured speed, m/s.
     pub speed: f64,
     /// The speed averaged over a quarter of a second: a weight that does not share the slip's noise.
@@ -62,63 +57,89 @@ pub struct Sample {
     pub wheel: [f64; 2],
 }
 
-/// The samples of a log; brakes, slope and spading forces may be absent and are then zero.
-pub fn samples(log: &Log) -> Result<Vec<Sample>, FitError> {
-    let zeros = vec![0.0; log.len()];
-    let optional = |name: &str| log.channel(name).unwrap_or(&zeros);
-    let torque = [log.require("torque_front")?, log.require("torque_rear")?];
-    let wheel = [log.require("wheel_speed_front")?, log.require("wheel_speed_rear")?];
-    let speed = log.require("speed")?;
-    let brake = [optional("brake_front"), optional("brake_rear")];
-    let (slope, push, pull) = (optional("slope"), optional("spading_force_x"), optional("spading_force_z"));
-    Ok((0..log.len())
-        .map(|k| {
-            let net = |i: usize| torque[i][k] - brake[i][k].abs() * (speed[k] / 0.05).tanh();
+/// A log as its samples.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// Its samples.
+    pub samples: Vec<Sample>,
+    /// Time between two of them, s.
+    pub period: f64,
+}
+
+impl Run {
+    /// From a log; brakes, slope and spading forces may be absent and are then zero.
+    pub fn new(log: &Log, machine: &Machine) -> Result<Self, FitError> {
+        let zeros = vec![0.0; log.len()];
+        let optional = |name: &str| log.channel(name).unwrap_or(&zeros);
+        let torque = [log.require("torque_front")?, log.require("torque_rear")?];
+        let wheel = [log.require("wheel_speed_front")?, log.require("wheel_speed_rear")?];
+        let speed = log.require("speed")?;
+        let brake = [optional("brake_front"), optional("brake_rear")];
+        let (slope, push, pull) = (optional("slope"), optional("spading_force_x"), optional("spading_force_z"));
+        let mut run = Self { samples: Vec::with_capacity(log.len()), period: log.period() };
+        let reach = run.steps(CLUSTER) / 2;
+        run.samples.extend((0..log.len()).map(|k| {
+            let drive = Drive {
+                torque: [torque[0][k], torque[1][k]],
+                brake: [brake[0][k], brake[1][k]],
+                slope: slope[k],
+                force_x: push[k],
+                force_z: pull[k],
+            };
+            let net = |i: usize| drive.torque[i] - drive.brake[i].abs() * machine.sense(speed[k]);
             Sample {
                 torque: [net(0), net(1)],
-                slope: slope[k],
-                force: [push[k], pull[k]],
+                drive,
                 speed: speed[k],
-                smooth: average(speed, k),
+                smooth: average(speed, k, reach),
                 wheel: [wheel[0][k], wheel[1][k]],
             }
-        })
-        .collect())
+        }));
+        Ok(run)
+    }
+
+    /// Steps between samples in a time, at least one.
+    pub fn steps(&self, seconds: f64) -> usize {
+        ((seconds / self.period).round() as usize).max(1)
+    }
+
+    /// Number of the cluster of a sample.
+    pub fn cluster(&self, sample: usize) -> u32 {
+        (sample / self.steps(CLUSTER)) as u32
+    }
 }
 
 /// Mean of the samples around `k`, missing ones left out.
-fn average(values: &[f64], k: usize) -> f64 {
-    let around = &values[k.saturating_sub(CLUSTER / 2)..(k + CLUSTER / 2 + 1).min(values.len())];
+fn average(values: &[f64], k: usize, reach: usize) -> f64 {
+    let around = &values[k.saturating_sub(reach)..(k + reach + 1).min(values.len())];
     let (sum, count) =
         around.iter().filter(|value| value.is_finite()).fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
     sum / f64::from(count)
 }
 
 impl Sample {
-    /// Load on both axles, N.
-    pub fn weight(&self, machine: &Machine) -> f64 {
-        machine.mass * GRAVITY * self.slope.cos() + self.force[1]
-    }
-
     /// Specific force from the forces alone: `(sum T/r - f W - F_x) / (m + sum I/r^2)`, and `v'`.
     pub fn acceleration(&self, machine: &Machine) -> (f64, f64) {
-        let Machine { mass, inertia, radius, rolling, .. } = *machine;
-        let sense = (self.speed / 0.05).tanh();
+        let Machine { model, radius, rolling, .. } = machine;
+        let (mass, inertia) = (model.loader.mass, model.loader.axle_inertia());
         let spinning: f64 = (0..2).map(|i| inertia[i] / (radius[i] * radius[i])).sum();
         let drive: f64 = (0..2).map(|i| self.torque[i] / radius[i]).sum();
-        let gravity = GRAVITY * self.slope.sin();
+        let gravity = GRAVITY * self.drive.slope.sin();
         // The spinning masses feel v', not the specific force.
-        let rate =
-            (drive - rolling * sense * self.weight(machine) - self.force[0] - mass * gravity) / (mass + spinning);
+        let rate = (drive
+            - rolling * machine.sense(self.speed) * model.weight(&self.drive)
+            - self.drive.force_x
+            - mass * gravity)
+            / (mass + spinning);
         (rate + gravity, rate)
     }
 
     /// `g_i`: the axle's load is `g_i . (1, lambda, h)`.
     pub fn load_row(&self, machine: &Machine, axle: usize) -> [f64; 3] {
         let (a_s, _) = self.acceleration(machine);
-        let Machine { mass, wheelbase: l, bucket: [reach, height], .. } = *machine;
-        let static_part = mass * GRAVITY * self.slope.cos();
-        let [push, pull] = self.force;
+        let Loader { mass, wheelbase: l, bucket_reach: reach, bucket_height: height, .. } = machine.model.loader;
+        let static_part = mass * GRAVITY * self.drive.slope.cos();
+        let (push, pull) = (self.drive.force_x, self.drive.force_z);
         if axle == 0 {
             [pull * (l + reach) / l - push * height / l, static_part, -mass / l * a_s]
         } else {
@@ -134,6 +155,6 @@ impl Sample {
     /// Torque that reaches the ground.
     pub fn traction(&self, machine: &Machine, axle: usize) -> f64 {
         let (_, rate) = self.acceleration(machine);
-        self.torque[axle] - machine.inertia[axle] * rate / machine.radius[axle]
+        self.torque[axle] - machine.model.loader.axle_inertia()[axle] * rate / machine.radius[axle]
     }
 }
