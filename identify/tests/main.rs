@@ -8,6 +8,7 @@ mod support;
 mod cli;
 mod convert;
 mod report;
+mod sixth_machine;
 mod solve;
 mod tune;
 
