@@ -60,16 +60,21 @@ fn corrupt_logs_are_refused_and_leave_no_file() {
         ("header.csv", "header.csv:1: "),
         ("one.csv", "one.csv: only 1 sample"),
         ("ragged.csv", "ragged.csv:3: 1 cells"),
-        ("twice.csv", "twice.csv:1: columns 2 and 3"),
+        ("twice.csv", "twice.csv:1: columns 1 and 2 (counted from 0) are both named 'speed'"),
         ("nan_time.csv", "nan_time.csv:3: the time is missing"),
-        ("binary.csv", "binary.csv: is no CSV file but text in UTF-16"),
+        ("binary.csv", "binary.csv:1: there is a header but no sample"),
         ("log.txt", "log.txt: unknown ending"),
         ("cut.parquet", "cut.parquet: "),
         ("cut.mf4", "cut.mf4: "),
         ("none.csv", "none.csv: "),
         (".", ".: unknown ending"),
     ] {
+        // what is wrong with a column that a machine does not read is no reason to refuse
+        let of_speed = ["text.csv", "twice.csv"].contains(&log);
         for vehicle in ["nursing-robot", "wheeled-robot", "wheel-loader", "wheelchair"] {
+            if of_speed && vehicle == "wheelchair" {
+                continue;
+            }
             assert_refused(
                 folder.path(),
                 &format!("fit {vehicle} {log} --out fit.json --ssv fit.ssv --report fit.html"),
@@ -77,7 +82,7 @@ fn corrupt_logs_are_refused_and_leave_no_file() {
             );
         }
         assert_refused(folder.path(), &format!("tune wheeled-robot {log} --out tune.json"), words);
-        assert_refused(folder.path(), &format!("convert wheelchair {log} --out x.csv"), words);
+        assert_refused(folder.path(), &format!("convert wheel-loader {log} --out x.csv"), words);
     }
 }
 

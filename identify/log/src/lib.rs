@@ -93,6 +93,19 @@ impl Format {
             _ => fail(&format!("unknown ending; {ENDINGS} is expected")),
         }
     }
+
+    /// The format to write: nothing is packed, and no older format is written.
+    fn written(path: &Path) -> Result<Self, LogError> {
+        match path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase).as_deref() {
+            Some("csv") => Ok(Self::Csv),
+            Some("parquet") => Ok(Self::Parquet),
+            Some("mf4") => Ok(Self::Mf4),
+            _ => {
+                let reason = "unknown ending; .csv, .parquet or .mf4 is expected";
+                Err(LogError::file(&path.display().to_string(), reason))
+            }
+        }
+    }
 }
 
 /// The endings of files that are read.
@@ -196,7 +209,7 @@ impl Log {
     /// Writes a log whose format is told by `path`; the bytes go to `to`, full precision.
     pub fn write(&self, path: &Path, to: impl std::io::Write + std::io::Seek + Send + 'static) -> Result<(), LogError> {
         let failed = |e: &dyn std::fmt::Display| LogError::file(&path.display().to_string(), e.to_string());
-        match Format::of(path)? {
+        match Format::written(path)? {
             Format::Csv => csv::write(self, to).map_err(|e| failed(&e)),
             #[cfg(feature = "parquet")]
             Format::Parquet => parquet::write(self, to).map_err(|e| failed(&e)),
