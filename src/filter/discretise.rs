@@ -1,23 +1,23 @@
 //! From continuous to discrete time.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SMatrix;
 
-/// One classical Runge-Kutta step of `x' = derivative(x)` over `dt`.
-pub fn runge_kutta<const N: usize>(
-    x: &SVector<f64, N>,
+/// One classical Runge-Kutta step of `x' = derivative(x)` over `dt`; of several states side by side, one per column.
+pub fn runge_kutta<const N: usize, const K: usize>(
+    x: &SMatrix<f64, N, K>,
     dt: f64,
-    derivative: impl Fn(&SVector<f64, N>) -> SVector<f64, N>,
-) -> SVector<f64, N> {
+    derivative: impl Fn(&SMatrix<f64, N, K>) -> SMatrix<f64, N, K>,
+) -> SMatrix<f64, N, K> {
     runge_kutta_from(x, &derivative(x), dt, derivative)
 }
 
 /// As [`runge_kutta`], with the derivative `k1` at `x` known already.
-pub fn runge_kutta_from<const N: usize>(
-    x: &SVector<f64, N>,
-    k1: &SVector<f64, N>,
+pub fn runge_kutta_from<const N: usize, const K: usize>(
+    x: &SMatrix<f64, N, K>,
+    k1: &SMatrix<f64, N, K>,
     dt: f64,
-    derivative: impl Fn(&SVector<f64, N>) -> SVector<f64, N>,
-) -> SVector<f64, N> {
+    derivative: impl Fn(&SMatrix<f64, N, K>) -> SMatrix<f64, N, K>,
+) -> SMatrix<f64, N, K> {
     let k2 = derivative(&(x + k1 * (0.5 * dt)));
     let k3 = derivative(&(x + k2 * (0.5 * dt)));
     let k4 = derivative(&(x + k3 * dt));

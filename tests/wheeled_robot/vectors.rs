@@ -1,14 +1,15 @@
 //! Reference vectors of the wheeled robot: tyre, loads, motion, wheel-force observer, cubature filter.
 
 use crate::support::{assert_close, vector_table, vector_text};
-use nalgebra::{SVector, Vector3, Vector4};
+use nalgebra::{Vector3, Vector4};
 use serde_json::Value;
+use wheelstate::filter::discretise::runge_kutta;
 use wheelstate::filter::gaussian::FactoredGaussian;
 use wheelstate::filter::innovation::Gate;
 use wheelstate::filter::sliding_mode::{Adaptation, SlidingMode};
 use wheelstate::filter::srckf;
 use wheelstate::model::tire::{Tire, TireSet};
-use wheelstate::model::wheeled_robot::{Drive, Integrator, Motion, Vehicle, Wheel, WheeledRobot, wheel_torque};
+use wheelstate::model::wheeled_robot::{Drive, Motion, Vehicle, Wheel, WheeledRobot, wheel_torque};
 
 const FOLDER: &str = "wheeled_robot";
 
@@ -99,8 +100,8 @@ fn model() {
             assert_close(&format!("row {row} ay"), forces.accel_y, at("ay"), 1e-12, 1e-11);
         }
         let rate = robot.derivative(&x, &drive);
-        let [euler] = driven.advance_of([x], 0.01, Integrator::Euler, 1);
-        let [rk4] = driven.advance_of([x], 0.01, Integrator::Rk4, 1);
+        let euler: Motion = std::array::from_fn(|i| x[i] + 0.01 * rate[i]);
+        let rk4 = runge_kutta(&Vector3::from(x), 0.01, |x| driven.derivatives_of(&[(*x).into()])[0].into());
         for (i, name) in ["vx", "vy", "r"].iter().enumerate() {
             assert_close(&format!("row {row} d{name}"), rate[i], at(&format!("d{name}")), 1e-12, 1e-10);
             assert_close(&format!("row {row} euler {name}"), euler[i], at(&format!("euler_{name}")), 1e-12, 1e-12);
@@ -173,7 +174,8 @@ fn cubature_filter() {
             let drive = Drive::new(at("delta"), ["fx_fl", "fx_fr", "fx_rl", "fx_rr"].map(at));
             if let Some(u) = before {
                 srckf::predict(&mut filter, &list("q_std"), |x: &[Vector3<f64>; 6]| {
-                    robot.driven(&u).advance_of(x.map(Motion::from), 0.01, Integrator::Euler, 1).map(SVector::from)
+                    let rates = robot.driven(&u).derivatives_of(&x.map(Motion::from));
+                    std::array::from_fn(|k| x[k] + Vector3::from(rates[k]) * 0.01)
                 });
             }
             let column = |c: &str| table.columns.iter().position(|name| *name == format!("z_{c}"));

@@ -2,12 +2,14 @@
 
 use super::parameters::{Method, Parameters};
 use crate::ParameterError;
-use crate::model::wheeled_robot::{Driven, Integrator, Motion, WheeledRobot};
+use crate::filter::discretise::runge_kutta;
+use crate::model::wheeled_robot::{Driven, Motion, WheeledRobot};
+use nalgebra::SMatrix;
 
 /// How the equations of motion are made discrete.
 #[derive(Clone, Debug)]
 pub(super) struct Integration {
-    integrator: Integrator,
+    method: Method,
     /// Speed below which the lateral dynamics get no faster, m/s.
     minimum_speed: f64,
     /// Rate of the lateral dynamics at this speed, 1/s.
@@ -22,17 +24,17 @@ impl Integration {
     /// Refuses too few steps: explicit integration must not overshoot at the minimum speed, where the lateral dynamics
     /// are fastest.
     pub fn new(p: &Parameters, model: &WheeledRobot) -> Result<Self, ParameterError> {
-        let (integrator, stable) = match p.filter.integrator {
-            Method::Euler => (Integrator::Euler, 1.0),
-            // stable up to 2.78
-            Method::Rk4 => (Integrator::Rk4, 2.5),
+        let method = p.filter.integrator;
+        let stable = match method {
+            Method::Euler => 1.0,
+            Method::Rk4 => 2.5, // stable up to 2.78
         };
         let minimum_speed = p.filter.minimum_speed;
         let rate = model.lateral_rate(minimum_speed);
         let most = p.filter.substeps.unsigned_abs();
         let needed = (rate * p.sample_period / stable).ceil();
         if f64::from(most) >= needed {
-            return Ok(Self { integrator, minimum_speed, rate, stable, most });
+            return Ok(Self { method, minimum_speed, rate, stable, most });
         }
         let reason = format!(
             "is too few: the lateral dynamics at filter.minimum_speed = {minimum_speed} m/s have the rate {rate:.1} 1/s, \
@@ -44,9 +46,17 @@ impl Integration {
         Err(ParameterError { name: "filter.substeps".to_owned(), value: f64::from(most), unit: "1", reason })
     }
 
-    /// Motions after `dt` seconds; `speed` is about theirs.
+    /// Motions after `dt` seconds, the inputs being held; `speed` is about theirs.
     pub fn advance<const N: usize>(&self, driven: &Driven, x: [Motion; N], dt: f64, speed: f64) -> [Motion; N] {
-        driven.advance_of(x, dt, self.integrator, self.substeps(speed, dt))
+        let substeps = self.substeps(speed, dt);
+        let h = dt / f64::from(substeps);
+        // one motion per column
+        let derivative = |x: &SMatrix<f64, 3, N>| SMatrix::from(driven.derivatives_of(&x.data.0));
+        let step = |x: SMatrix<f64, 3, N>, _| match self.method {
+            Method::Euler => x + derivative(&x) * h,
+            Method::Rk4 => runge_kutta(&x, h, derivative),
+        };
+        (0..substeps).fold(SMatrix::from(x), step).data.0
     }
 
     /// Steps of the integrator at a speed: what keeps it at half its limit of stability, but no more than the

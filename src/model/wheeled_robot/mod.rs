@@ -169,15 +169,6 @@ impl Forces {
     }
 }
 
-/// How the equations of motion are made discrete, the inputs being held over a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Integrator {
-    /// Explicit Euler, the source's choice.
-    Euler,
-    /// The classical Runge-Kutta method of fourth order.
-    Rk4,
-}
-
 impl WheeledRobot {
     /// A vehicle on tyres, whose slip angles below `minimum_speed` (m/s) are taken as if at this speed.
     pub fn new(vehicle: &Vehicle, tire: &TireSet, minimum_speed: f64) -> Self {

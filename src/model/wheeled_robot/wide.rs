@@ -1,7 +1,7 @@
 //! The vehicle's forces in many states side by side, in SIMD lanes, one per wheel: what the filter's sigma points
 //! cost. The definition is [`WheeledRobot::forces`]; here what all states share is worked out once per drive.
 
-use super::{Drive, Forces, GRAVITY, Integrator, Motion, ROUNDS, Vehicle, WheeledRobot, Wheels};
+use super::{Drive, Forces, GRAVITY, Motion, ROUNDS, Vehicle, WheeledRobot, Wheels};
 use crate::model::lanes::arc_tangent;
 use crate::model::tire::{Angles, Curves};
 use wide::f64x4;
@@ -134,39 +134,14 @@ impl<'a> Driven<'a> {
         ]
     }
 
+    /// [`WheeledRobot::derivative`] in several states.
     #[inline]
-    fn derivatives<const K: usize>(&self, x: &[Motion; K]) -> [Motion; K] {
+    pub fn derivatives_of<const K: usize>(&self, x: &[Motion; K]) -> [Motion; K] {
         let accelerations = self.accelerations_of(x);
         std::array::from_fn(|k| {
             let ([vx, vy, r], [ax, ay, turn]) = (x[k], accelerations[k]);
             [ax + r * vy, ay - r * vx, turn]
         })
-    }
-
-    /// The motions `dt` seconds later of several states side by side, in equal substeps.
-    #[inline]
-    pub fn advance_of<const K: usize>(
-        &self,
-        mut x: [Motion; K],
-        dt: f64,
-        integrator: Integrator,
-        substeps: u32,
-    ) -> [Motion; K] {
-        let h = dt / f64::from(substeps.max(1));
-        for _ in 0..substeps.max(1) {
-            let k1 = self.derivatives(&x);
-            x = match integrator {
-                Integrator::Euler => moved(&x, &k1, h),
-                Integrator::Rk4 => {
-                    let k2 = self.derivatives(&moved(&x, &k1, 0.5 * h));
-                    let k3 = self.derivatives(&moved(&x, &k2, 0.5 * h));
-                    let k4 = self.derivatives(&moved(&x, &k3, h));
-                    let mean = |k: usize, i: usize| k1[k][i] + 2.0 * k2[k][i] + 2.0 * k3[k][i] + k4[k][i];
-                    std::array::from_fn(|k| std::array::from_fn(|i| x[k][i] + h / 6.0 * mean(k, i)))
-                }
-            };
-        }
-        x
     }
 }
 
@@ -203,10 +178,6 @@ impl Transfer {
     }
 }
 
-fn moved<const K: usize>(x: &[Motion; K], derivative: &[Motion; K], h: f64) -> [Motion; K] {
-    std::array::from_fn(|k| std::array::from_fn(|i| x[k][i] + h * derivative[k][i]))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -235,9 +206,9 @@ mod tests {
                 for (i, scale) in [GRAVITY, GRAVITY, arm * GRAVITY].into_iter().enumerate() {
                     assert!((a[i] - b[i]).abs() <= 1e-13 * scale, "{k}");
                 }
-                let [moved] = driven.advance_of([x], 0.01, Integrator::Euler, 1);
+                let [rates] = driven.derivatives_of(&[x]);
                 for (i, rate) in robot.derivative(&x, &drive).into_iter().enumerate() {
-                    assert!((moved[i] - (x[i] + 0.01 * rate)).abs() <= 1e-13, "{k}");
+                    assert!((rates[i] - rate).abs() <= 1e-13 * [GRAVITY, GRAVITY, arm * GRAVITY][i], "{k}");
                 }
                 lifted += usize::from(expected.load.contains(&0.0));
             }
