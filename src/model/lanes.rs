@@ -1,4 +1,8 @@
-//! Elementary functions of several numbers side by side, one per lane, where the library's are too slow.
+//! Elementary functions of several numbers side by side, one per lane.
+//!
+//! Written by hand because the filters spend most of their time here and those of `wide`, which serve arguments that no
+//! tyre sees, execute 1.5 (arc tangent), 4 (sine) and 6 times (hyperbolic tangent) as many instructions; these are exact
+//! to a few units in the last place, as the tests say.
 
 use std::f64::consts::PI;
 use wide::{f64x2, f64x4};
@@ -90,7 +94,7 @@ pub(super) fn sine(x: f64x4) -> f64x4 {
 }
 
 /// Hyperbolic tangent; near zero, where the tyres work, by its continued fraction, which has a
-/// relative error below 3e-15 there and is several times faster than the library's function.
+/// relative error below 3e-15 there.
 pub(super) fn tanh(x: f64x2) -> f64x2 {
     if x.abs().simd_gt(f64x2::splat(0.6)).any() {
         return f64x2::new(x.to_array().map(f64::tanh));

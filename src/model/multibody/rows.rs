@@ -1,4 +1,5 @@
-//! Sparse rows whose pattern is fixed and of whose values some follow the posture.
+//! Sparse rows whose pattern is fixed and of whose values some follow the posture. By hand, since a crate's sparse
+//! matrix does not know which of its values vary, and no algebra is done here.
 
 /// Rows `value * d + offset`, compressed by rows.
 #[derive(Clone, Debug, Default)]

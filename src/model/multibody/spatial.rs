@@ -5,12 +5,7 @@
 //! two differ by this permutation only. A motion and a wrench are taken at a frame's origin and in
 //! its axes.
 
-use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
-
-/// The matrix of the cross product: `skew(a) b = a x b`.
-pub fn skew(a: &Vector3<f64>) -> Matrix3<f64> {
-    Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
-}
+use nalgebra::{Matrix3, Matrix6, Rotation3, Unit, Vector3, Vector6};
 
 /// The linear part of a motion or wrench.
 pub fn linear(v: &Vector6<f64>) -> Vector3<f64> {
@@ -29,19 +24,16 @@ pub fn join(linear: &Vector3<f64>, angular: &Vector3<f64>) -> Vector6<f64> {
 
 /// Rotation about a unit axis by an angle in rad.
 pub fn axis_rotation(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
-    let (s, c) = angle.sin_cos();
-    let (x, y, z, t) = (axis.x, axis.y, axis.z, 1.0 - c);
-    let (xy, xz, yz) = (t * x * y, t * x * z, t * y * z);
-    let (sx, sy, sz) = (s * x, s * y, s * z);
-    Matrix3::new(c + t * x * x, xy - sz, xz + sy, xy + sz, c + t * y * y, yz - sx, xz - sy, yz + sx, c + t * z * z)
+    Rotation3::from_axis_angle(&Unit::new_unchecked(*axis), angle).into_inner()
 }
 
 /// Roll, pitch and yaw as URDF means them: `Rz(yaw) Ry(pitch) Rx(roll)`.
-pub fn rpy_rotation(rpy: &[f64; 3]) -> Matrix3<f64> {
-    axis_rotation(&Vector3::z(), rpy[2]) * axis_rotation(&Vector3::y(), rpy[1]) * axis_rotation(&Vector3::x(), rpy[0])
+pub fn rpy_rotation([roll, pitch, yaw]: &[f64; 3]) -> Matrix3<f64> {
+    Rotation3::from_euler_angles(*roll, *pitch, *yaw).into_inner()
 }
 
-/// The pose of a frame B in a frame A: `x_A = rotation x_B + origin`.
+/// The pose of a frame B in a frame A: `x_A = rotation x_B + origin`. By hand, since nalgebra's `Isometry3` rotates by
+/// quaternion, which costs more where every pose meets many vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// Axes of B in A.
@@ -72,20 +64,20 @@ impl Pose {
         Self { rotation: self.rotation * inner.rotation, origin: self.rotation * inner.origin + self.origin }
     }
 
-    /// `[[R, skew(p) R], [0, R]]`: takes motions from B to A.
+    /// `[[R, p x R], [0, R]]`: takes motions from B to A.
     pub fn motion_matrix(&self) -> Matrix6<f64> {
         let mut x = Matrix6::zeros();
         x.fixed_view_mut::<3, 3>(0, 0).copy_from(&self.rotation);
-        x.fixed_view_mut::<3, 3>(0, 3).copy_from(&(skew(&self.origin) * self.rotation));
+        x.fixed_view_mut::<3, 3>(0, 3).copy_from(&(self.origin.cross_matrix() * self.rotation));
         x.fixed_view_mut::<3, 3>(3, 3).copy_from(&self.rotation);
         x
     }
 
-    /// `[[R, 0], [skew(p) R, R]]`: takes wrenches from B to A.
+    /// `[[R, 0], [p x R, R]]`: takes wrenches from B to A.
     pub fn wrench_matrix(&self) -> Matrix6<f64> {
         let mut x = Matrix6::zeros();
         x.fixed_view_mut::<3, 3>(0, 0).copy_from(&self.rotation);
-        x.fixed_view_mut::<3, 3>(3, 0).copy_from(&(skew(&self.origin) * self.rotation));
+        x.fixed_view_mut::<3, 3>(3, 0).copy_from(&(self.origin.cross_matrix() * self.rotation));
         x.fixed_view_mut::<3, 3>(3, 3).copy_from(&self.rotation);
         x
     }
@@ -141,7 +133,7 @@ impl Inertia {
 
     /// From the mass, the centre of mass and the rotational inertia about the centre of mass.
     pub fn from_centre(mass: f64, com: &Vector3<f64>, about_com: &Matrix3<f64>) -> Self {
-        let c = skew(com);
+        let c = com.cross_matrix();
         Self { mass, moment: com * mass, rotational: about_com - c * c * mass }
     }
 
@@ -149,7 +141,7 @@ impl Inertia {
     pub fn seen_from(&self, a_h_b: &Pose) -> Self {
         let (r, p) = (&a_h_b.rotation, &a_h_b.origin);
         let moment = r * self.moment;
-        let (c, s) = (skew(&moment), skew(p));
+        let (c, s) = (moment.cross_matrix(), p.cross_matrix());
         // parallel axes with the first moment: I_A = R I R' - (p~ c~ + c~ p~) - m p~ p~
         let rotational = r * self.rotational * r.transpose() - s * c - c * s - s * s * self.mass;
         Self { mass: self.mass, moment: moment + p * self.mass, rotational }
@@ -166,7 +158,7 @@ impl Inertia {
 
     /// `[[m 1, -c~], [c~, I_o]]` with the first moment c: motion to momentum.
     pub fn matrix(&self) -> Matrix6<f64> {
-        let c = skew(&self.moment);
+        let c = self.moment.cross_matrix();
         let mut i = Matrix6::zeros();
         i.fixed_view_mut::<3, 3>(0, 0).copy_from(&(Matrix3::identity() * self.mass));
         i.fixed_view_mut::<3, 3>(0, 3).copy_from(&-c);
