@@ -5,7 +5,10 @@ use crate::support::{assert_close, vector_table, vector_text};
 use nalgebra::{SMatrix, SVector};
 use wheelstate::estimator::wheelchair::attitude::attitude;
 use wheelstate::filter::discretise::{runge_kutta, transition, white_rate_noise};
-use wheelstate::model::wheelchair::{self as model, Command, Output, biased_gravity, gravity};
+use wheelstate::model::wheelchair::{
+    self as model, Chair, ChairParameters, Command, ImuParameters, Output, RollingParameters, biased_gravity, gravity,
+};
+use wheelstate::plant::wheelchair::Body;
 
 /// One row of a reference file: variant, then numbers by column name.
 struct Point {
@@ -226,6 +229,32 @@ fn gravity_form_agrees_with_heading_and_slope() {
         assert_close("gx'", fg[4], x[3] * ca * sx + x[5] * sa * cx, 1e-12, 1e-12);
         assert_close("gy'", fg[5], -x[3] * sa * sx + x[5] * ca * cx, 1e-12, 1e-12);
     }
+}
+
+/// The plant shares no code with the model, so that nothing but this keeps their chairs alike.
+#[test]
+fn the_plant_is_by_default_the_chair_that_the_estimator_knows() {
+    let (plant, chair) = (Body::default(), ChairParameters::default());
+    let (rolling, imu) = (RollingParameters::default(), ImuParameters::default());
+    let model = Chair::new(chair, rolling, imu);
+    for (name, plant, model) in [
+        ("mass", plant.mass, chair.mass),
+        ("yaw_inertia", plant.yaw_inertia, chair.yaw_inertia),
+        ("com_ahead", plant.com_ahead, chair.com_ahead),
+        ("drag", plant.drag, chair.drag),
+        ("yaw_drag", plant.yaw_drag, chair.yaw_drag),
+        ("yaw_friction", plant.yaw_friction, chair.yaw_friction),
+        ("rolling_coefficient", plant.rolling_coefficient, rolling.coefficient),
+        ("smoothing_speed", plant.smoothing_speed, rolling.smoothing_speed),
+        ("smoothing_yaw_rate", plant.smoothing_yaw_rate, rolling.smoothing_yaw_rate),
+        ("wheel_radius", plant.wheel_radius, chair.wheel_radius),
+        ("wheel_inertia", plant.wheel_inertia, chair.wheel_inertia),
+        ("track", plant.track, chair.track()),
+        ("gravity", plant.gravity, model.gravity),
+    ] {
+        assert_eq!(plant, model, "{name}");
+    }
+    assert_eq!(plant.imu, model.lever());
 }
 
 /// The heading of a tilt too small to see is unknown, whatever the mean says.
