@@ -7,3 +7,8 @@ pub mod road;
 pub mod wheel_loader;
 pub mod wheelchair;
 pub mod wheeled_robot;
+
+/// Standard gravity, m/s².
+const STANDARD_GRAVITY: f64 = 9.80665;
+/// Gravity as the reference values of the nursing robot and of the wheeled robot have it, m/s².
+const ROUNDED_GRAVITY: f64 = 9.81;

@@ -9,7 +9,7 @@
 
 use nalgebra::{Matrix3x4, Matrix4, SVector, Vector3, Vector4};
 
-const GRAVITY: f64 = 9.81;
+const GRAVITY: f64 = super::ROUNDED_GRAVITY;
 
 /// The robot's hardware.
 #[derive(Clone, Copy, Debug, PartialEq)]

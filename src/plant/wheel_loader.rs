@@ -108,7 +108,7 @@ const WHEEL: usize = 6;
 const SLIP: usize = 8;
 type State = [f64; 10];
 
-const G: f64 = 9.80665;
+const G: f64 = super::STANDARD_GRAVITY;
 /// Speed over which rolling and braking moments change sign, m/s.
 const SIGN_SPEED: f64 = 0.05;
 /// Speed that keeps the relaxation alive at standstill, m/s.

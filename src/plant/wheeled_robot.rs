@@ -87,7 +87,7 @@ pub struct Truth {
     pub yaw_acceleration: f64,
 }
 
-const WEIGHT_PER_MASS: f64 = 9.81;
+const WEIGHT_PER_MASS: f64 = super::ROUNDED_GRAVITY;
 
 impl TireLaw {
     fn grip(&self, load: f64, ground: f64) -> f64 {

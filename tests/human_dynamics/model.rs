@@ -2,13 +2,14 @@
 
 use super::cases::*;
 use nalgebra::Vector3;
-use wheelstate::model::multibody::anthropometry::{human48, seated12};
+use wheelstate::model::multibody::anthropometry::{BodyParameters, human48, seated12};
 use wheelstate::model::multibody::equations::{Base, Equations};
 use wheelstate::model::multibody::tree::Tree;
 
 #[test]
 fn generated_bodies_are_the_reference_models() {
-    for (generated, name) in [(human48(1.70, 65.0), "human48"), (seated12(1.70, 65.0), "seated12")] {
+    let person = BodyParameters { height: 1.70, mass: 65.0 };
+    for (generated, name) in [(human48(&person), "human48"), (seated12(&person), "seated12")] {
         let expected = model(name);
         assert_eq!(generated.name, expected.name);
         for (a, b) in generated.links.iter().zip(&expected.links) {
@@ -30,7 +31,7 @@ fn generated_bodies_are_the_reference_models() {
 #[test]
 fn masses_add_up() {
     for (height, mass) in [(1.5, 48.0), (1.67, 61.1), (2.0, 130.0)] {
-        for body in [human48(height, mass), seated12(height, mass)] {
+        for body in [human48(&BodyParameters { height, mass }), seated12(&BodyParameters { height, mass })] {
             let sum: f64 = body.links.iter().map(|l| l.mass).sum();
             assert!((sum - mass).abs() < 1e-12 * mass);
             let tree = Tree::new(&body, "Pelvis", false, &[]).unwrap();
@@ -53,7 +54,7 @@ fn centre_of_mass() {
 
 #[test]
 fn velocity_of_the_centre_of_mass_is_its_difference_quotient() {
-    let tree = Tree::new(&human48(1.7, 65.0), "LeftFoot", false, &[]).unwrap();
+    let tree = Tree::new(&human48(&BodyParameters::default()), "LeftFoot", false, &[]).unwrap();
     let n = tree.dof();
     let q: Vec<f64> = (0..n).map(|i| 0.3 * (i as f64).sin()).collect();
     let qd: Vec<f64> = (0..n).map(|i| (1.7 * i as f64).cos()).collect();

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 use std::path::Path;
 use wheelstate::estimator::human_dynamics::whole_body::WholeBody;
+use wheelstate::model::STANDARD_GRAVITY;
 use wheelstate::model::multibody::equations::{Base, Kind};
 use wheelstate::model::multibody::error::ModelError;
 use wheelstate::model::multibody::prior::Variances;
@@ -145,7 +146,7 @@ pub fn read(description: &Description, model: &Path, path: &Path) -> Result<Setu
         let place = tree.place(&prior.link).map_err(refused)?;
         variances.prior_of.push((place.body, Kind::ExternalWrench, [prior.force, prior.moment]));
     }
-    let gravity = config.gravity.unwrap_or([0.0, 0.0, -9.80665]);
+    let gravity = config.gravity.unwrap_or([0.0, 0.0, -STANDARD_GRAVITY]);
     if !gravity.iter().all(|g| g.is_finite()) {
         return Err(fail("gravity: is not finite".to_owned()));
     }

@@ -34,8 +34,8 @@ pub mod variables;
 pub mod whole_body;
 
 pub use parameters::{
-    BodyParameters, DifferentiationParameters, EquationVariances, FootMount, HandMount, ImuMount, MountParameters,
-    Parameters, SeatMount, UseParameters, VarianceParameters,
+    DifferentiationParameters, EquationVariances, FootMount, HandMount, ImuMount, MountParameters, Parameters,
+    SeatMount, UseParameters, VarianceParameters,
 };
 pub use variables::{Inputs, Outputs};
 
@@ -101,7 +101,7 @@ impl SeatedBody {
     }
 
     fn build(parameters: &Parameters) -> Result<(WholeBody, Vec<Option<usize>>), ModelError> {
-        let description = seated12(parameters.body.height, parameters.body.mass);
+        let description = seated12(&parameters.body);
         let tree = Tree::new(&description, "Pelvis", true, &[])?;
         let (groups, sensors) = parameters.sensors(&tree).into_iter().unzip();
         let variances = parameters.variances(&tree);

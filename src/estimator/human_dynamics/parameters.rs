@@ -1,22 +1,12 @@
 //! Parameters of the seated body.
 
 use super::variables::{AXES, CONTACTS, IMUS, JOINTS};
-use crate::model::multibody::anthropometry::at;
+use crate::model::multibody::anthropometry::{BodyParameters, at};
 use crate::model::multibody::equations::Kind;
 use crate::model::multibody::prior::Variances;
 use crate::model::multibody::sensors::{Noise, Quantity, Sensor};
 use crate::model::multibody::spatial::Pose;
 use crate::model::multibody::tree::Tree;
-
-crate::variables! {
-    /// The person.
-    pub struct BodyParameters {
-        /// Height of the person.
-        height: f64 = 1.70, "m", [0.5, 2.6];
-        /// Mass of the person.
-        mass: f64 = 65.0, "kg", [5.0, 400.0];
-    }
-}
 
 crate::variables! {
     /// Which sensors are used.

@@ -15,6 +15,17 @@ use super::spatial::{Inertia, Pose};
 use super::tree::{Description, Joint, JointKind, Link};
 use nalgebra::{Matrix3, Vector3};
 
+variables! {
+    /// The person.
+    #[derive(Copy)]
+    pub struct BodyParameters {
+        /// Height of the person.
+        height: f64 = 1.70, "m", [0.5, 2.6];
+        /// Mass of the person.
+        mass: f64 = 65.0, "kg", [5.0, 400.0];
+    }
+}
+
 const HIP_HEIGHT: f64 = 0.530;
 const SHOULDER_HEIGHT: f64 = 0.818;
 const HIP_HALF_WIDTH: f64 = 0.04775;
@@ -144,9 +155,9 @@ impl Body {
 /// Both sides of the body: name and sign of y.
 const SIDES: [(&str, f64); 2] = [("Right", -1.0), ("Left", 1.0)];
 
-/// The standing body: 23 segments, 48 degrees of freedom; root `Pelvis`. Height in m, mass in kg.
-pub fn human48(height: f64, mass: f64) -> Description {
-    let mut body = Body::new("human48", height, mass);
+/// The standing body: 23 segments, 48 degrees of freedom; root `Pelvis`.
+pub fn human48(person: &BodyParameters) -> Description {
+    let mut body = Body::new("human48", person.height, person.mass);
     let pelvis = body.trunk(0.142, 0.100, 0.174, HIP_HEIGHT, L5);
     body.link("Pelvis", &pelvis);
     let up = |from: f64, to: f64| [0.0, 0.0, to - from];
@@ -194,8 +205,8 @@ pub fn human48(height: f64, mass: f64) -> Description {
 }
 
 /// The seated body: pelvis and 11 segments, 19 degrees of freedom; root `Pelvis`.
-pub fn seated12(height: f64, mass: f64) -> Description {
-    let mut body = Body::new("seated12", height, mass);
+pub fn seated12(person: &BodyParameters) -> Description {
+    let mut body = Body::new("seated12", person.height, person.mass);
     let pelvis = body.trunk(0.142, 0.100, 0.174, HIP_HEIGHT, L5);
     body.link("Pelvis", &pelvis);
     let up = |from: f64, to: f64| [0.0, 0.0, to - from];
@@ -210,7 +221,7 @@ pub fn seated12(height: f64, mass: f64) -> Description {
         let upper = body.limb(&UPPER_ARM, 2, -1.0);
         let shoulder = [0.0, y * SHOULDER_HALF_WIDTH, SHOULDER_HEIGHT - T12];
         body.segment("Thorax", &format!("j{side}Shoulder"), "xyz", &own("UpperArm"), shoulder, &upper);
-        let hand = body.limb(&HAND, 2, -1.0).seen_at(0.0, -FOREARM.length * height);
+        let hand = body.limb(&HAND, 2, -1.0).seen_at(0.0, -FOREARM.length * person.height);
         let lower = body.limb(&FOREARM, 2, -1.0).with(hand);
         let elbow = [0.0, 0.0, -UPPER_ARM.length];
         body.segment(&own("UpperArm"), &format!("j{side}Elbow"), "y", &own("ForeArm"), elbow, &lower);

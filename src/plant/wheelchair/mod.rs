@@ -64,7 +64,7 @@ impl Default for Body {
             wheel_inertia: 0.0,
             track: 0.54,
             imu: [0.10, 0.01, 0.10],
-            gravity: 9.80665,
+            gravity: super::STANDARD_GRAVITY,
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::simulate::{Companion, Request, SimulateError};
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 use wheelstate::filter::savitzky_golay::smooth;
-use wheelstate::model::multibody::anthropometry::human48;
+use wheelstate::model::multibody::anthropometry::{BodyParameters, human48};
 use wheelstate::model::multibody::tree::Description;
 use wheelstate::plant::human_dynamics::{BaseMotion, Push};
 use wheelstate::{Variables, variables};
@@ -126,7 +126,7 @@ fn bend(plant: &Plant, depth: f64, t: f64) -> [f64; 3] {
 
 pub(super) fn simulate(request: &Request) -> Result<Log, SimulateError> {
     let Settings { plant, noise } = read(request)?;
-    let body = human48(plant.height, plant.mass);
+    let body = human48(&BodyParameters { height: plant.height, mass: plant.mass });
     let mut heavier = body.clone();
     for link in heavier.links.iter_mut().filter(|l| l.name == "T8") {
         // the weight sits in the segment's centre of mass
@@ -254,7 +254,7 @@ impl Record {
 /// The body without the extra weight, and its sensors with the simulated noise.
 pub(super) fn companions(request: &Request) -> Result<Vec<Companion>, SimulateError> {
     let Settings { plant, noise } = read(request)?;
-    let body = human48(plant.height, plant.mass);
+    let body = human48(&BodyParameters { height: plant.height, mass: plant.mass });
     let weights =
         wheelstate::filter::savitzky_golay::weights(plant.window as usize, plant.window as usize / 2, 2, 1.0 / RATE);
     let floor = |variance: f64| variance.max(1e-10);

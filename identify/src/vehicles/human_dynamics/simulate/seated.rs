@@ -11,6 +11,7 @@ use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::TAU;
 use wheelstate::estimator::human_dynamics::Parameters;
 use wheelstate::estimator::human_dynamics::variables::{CONTACTS, DOF, IMUS, JOINTS};
+use wheelstate::model::STANDARD_GRAVITY as GRAVITY;
 use wheelstate::model::multibody::anthropometry::seated12;
 use wheelstate::plant::human_dynamics::{BaseMotion, Push, SegmentState};
 use wheelstate::{Variables, variables};
@@ -105,7 +106,6 @@ const PASSIVE: [[f64; 3]; DOF] = [
 
 const SAMPLE: f64 = 0.01;
 const SUBSTEPS: usize = 10;
-const GRAVITY: f64 = 9.80665;
 
 /// Everything that the person's motion depends on.
 struct Scene {
@@ -240,7 +240,7 @@ impl Scene {
 
 pub(super) fn simulate(request: &Request) -> Result<Log, SimulateError> {
     let (parameters, Simulation { plant, noise }, passive) = read(request)?;
-    let description = seated12(parameters.body.height, parameters.body.mass);
+    let description = seated12(&parameters.body);
     let person = Person::new(&description, "Pelvis", Vector3::new(0.0, 0.0, -GRAVITY));
     let m = &parameters.mount;
     let mount = |x: f64, y: f64, z: f64| Vector3::new(x, y, z);

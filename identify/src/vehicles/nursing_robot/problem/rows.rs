@@ -17,9 +17,7 @@ use crate::problem::weak_form::Bump;
 use crate::progress::Progress;
 use crate::solve::Rows;
 use rayon::prelude::*;
-
-/// Gravity, m/s2.
-pub const GRAVITY: f64 = 9.81;
+pub use wheelstate::model::nursing_robot::GRAVITY;
 
 /// What is known of robot and person.
 #[derive(Clone, Copy, Debug)]
