@@ -143,7 +143,7 @@ variables! {
         /// Speed around standstill over which rolling resistance builds up (vs).
         smoothing_speed: f64 = 0.05, "m/s", [1e-4, 10.0];
         /// Yaw rate around standstill over which dry yaw friction builds up (ws).
-        smoothing_yaw_rate: f64 = 0.05, "rad/s", [1e-4, 10.0];
+        smoothing_yaw_rate: f64 = 0.03, "rad/s", [1e-4, 10.0];
     }
 }
 

@@ -59,7 +59,7 @@ impl Default for Body {
             yaw_friction: 0.0,
             rolling_coefficient: 0.0,
             smoothing_speed: 0.05,
-            smoothing_yaw_rate: 0.05,
+            smoothing_yaw_rate: 0.03,
             wheel_radius: 0.305,
             wheel_inertia: 0.0,
             track: 0.54,
