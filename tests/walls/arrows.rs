@@ -60,7 +60,10 @@ pub const CRATES: &[Crate] = &[
             // What is common to all machines names none of them.
             ("problem", &["assess", "result", "solve", "wheelstate::variable", "wheelstate_log"]),
             ("simulate", &["wheelstate::variable", "wheelstate_log"]),
-            ("tune", &["result", "wheelstate::estimator", "wheelstate::variable", "wheelstate_log"]),
+            (
+                "tune",
+                &["result", "wheelstate::estimator", "wheelstate::unit", "wheelstate::variable", "wheelstate_log"],
+            ),
             ("estimate", &["wheelstate", "wheelstate_log"]),
             (
                 "vehicle",

@@ -1,7 +1,7 @@
 //! Which parameters of a vehicle are noise settings, and what they can physically be.
 
-use wheelstate::Variable;
 use wheelstate::variable::Kind;
+use wheelstate::{Variable, unit};
 
 /// Least share of a measurement's data-sheet noise (its start value).
 const MEASUREMENT_SHARE: f64 = 0.7;
@@ -26,20 +26,6 @@ fn noise(variable: &Variable) -> Option<bool> {
     (variable.measurement_noise || variable.process_noise).then_some(variable.measurement_noise)
 }
 
-/// The same for machines whose declarations do not say it: by the name.
-fn noise_by_name(name: &str) -> Option<bool> {
-    if name.starts_with("filter.measurement") {
-        return Some(true);
-    }
-    if name.starts_with("filter.process") {
-        return Some(false);
-    }
-    // the rest says how exactly the equations hold and what is known without sensors
-    let own = name.strip_prefix("variance.")?;
-    let of_model = ["equation", "prior", "no_contact"].iter().any(|word| own.starts_with(word));
-    (!of_model).then_some(true)
-}
-
 /// The noise settings among an estimator's parameters with search intervals around their start values.
 ///
 /// With `physical` floors no measurement is taken to be better than 0.7 of its start value and no model
@@ -53,11 +39,9 @@ pub fn candidates(
     let find = |list: &[(String, f64)], variable: &Variable| {
         list.iter().find(|(name, _)| *name == variable.name).map(|(_, value)| *value)
     };
-    let declared_so = declared.iter().any(|variable| noise(variable).is_some());
-    let role = |variable: &Variable| if declared_so { noise(variable) } else { noise_by_name(&variable.name) };
     let usable = |(index, variable): (usize, &Variable)| {
         let start = base[index];
-        let measurement = role(variable).filter(|_| variable.kind == Kind::Real && start > 0.0)?;
+        let measurement = noise(variable).filter(|_| variable.kind == Kind::Real && start > 0.0)?;
         let power = is_power(variable);
         let square = if power { 2 } else { 1 };
         let usual = if measurement { MEASUREMENT_SHARE } else { PROCESS_SHARE }.powi(square) * start;
@@ -73,7 +57,39 @@ pub fn candidates(
     declared.iter().enumerate().filter_map(usable).collect()
 }
 
-/// Whether a noise is given as a power (a variance rate), not as a standard deviation.
+/// Whether a noise is given as a power (a variance, or one per time), not as a standard deviation: process noise always
+/// is, and that of a measurement if its unit is a square.
 fn is_power(variable: &Variable) -> bool {
-    !(variable.name.contains("_std"))
+    let square = |unit: unit::Unit| {
+        unit.exponents.iter().all(|exponent| exponent % 2 == 0) && unit.exponents.iter().any(|exponent| *exponent != 0)
+    };
+    variable.process_noise || unit::parse(variable.unit).is_some_and(square)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wheelstate::{Estimator, Variables, estimator};
+
+    struct Settings(Vec<(String, bool)>);
+
+    impl estimator::Visitor for Settings {
+        fn visit<E: Estimator + 'static>(&mut self) {
+            let declared = E::Parameters::declare();
+            let noises = declared.iter().filter(|variable| noise(variable).is_some());
+            self.0.extend(noises.map(|variable| (format!("{} {}", E::NAME, variable.name), is_power(variable))));
+        }
+    }
+
+    /// The names tell a reader the same: `*_psd` and `variance` are powers, `*_std` is none.
+    #[test]
+    fn powers_are_told_from_standard_deviations() {
+        let mut settings = Settings(Vec::new());
+        estimator::visit_all(&mut settings);
+        assert!(settings.0.len() > 40, "{}", settings.0.len());
+        for (name, power) in settings.0 {
+            assert_ne!(name.contains("_psd.") || name.contains(" variance."), name.contains("_std."), "{name}");
+            assert_eq!(power, !name.contains("_std."), "{name}");
+        }
+    }
 }
