@@ -6,6 +6,7 @@ mod counting;
 mod support;
 
 mod abi;
+mod contract;
 #[cfg(feature = "import")]
 mod import;
 mod library;
