@@ -1,6 +1,10 @@
 """The FMUs against the native estimators, run over the same logs."""
 
+import html
+import re
+import shutil
 import subprocess
+from pathlib import Path
 
 import fmpy
 import numpy as np
@@ -61,6 +65,26 @@ def test_a_log_from_a_file_with_nan_reads_the_same(fmu, model, extracted, native
     result = fmpy.simulate_fmu(folder, stop_time=len(log) * dt, output_interval=dt, input=read)
     for name in result.dtype.names[1:]:
         assert close(result[name][1:].astype(float), expected[name]).all(), name
+
+
+def test_the_guides_recipe_for_long_logs_gives_the_same_in_linear_time(fmu, model, extracted, tmp_path, monkeypatch):
+    """The code that the FMU's documentation shows, as it stands there."""
+    folder = extracted(fmu)
+    page = (Path(folder) / "documentation" / "index.html").read_text()
+    recipe = html.unescape(re.search(r'<pre id="long-logs">(.*?)</pre>', page, re.S).group(1))
+    description = fmpy.read_model_description(folder)
+    dt = period(description)
+    log = make_log(description, rows=120, seed=7, gaps=0.2, start=5.0)
+    write_log(tmp_path / "log.csv", log)
+    shutil.copy(fmu, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    variables = {}
+    exec(recipe, variables)
+    expected = fmpy.simulate_fmu(folder, start_time=5.0, stop_time=5.0 + 120 * dt, output_interval=dt, input=log)
+    result = variables["result"]
+    assert len(result) == 121 and set(result.dtype.names) == set(expected.dtype.names)
+    for name in expected.dtype.names[1:]:
+        assert np.array_equal(result[name], expected[name]), name
 
 
 def test_steps_longer_than_the_logs_rows_still_take_every_row(fmu, model, extracted, native):

@@ -37,6 +37,38 @@ result = fmpy.simulate_fmu(
     start_values={{"sample_period": {period}}},
 )</pre>
 <p>Set <code>sample_period</code> to the time between two rows of the log. Inputs without a column keep their start values.</p>
+<p>fmpy searches the rows of discrete inputs anew at every step, so that time grows with the square of a log's length. For more than
+some thousand rows, {period} s apart, set the inputs after each step instead; the results are the same:</p>
+<pre id="long-logs">import fmpy
+
+log = fmpy.read_csv("log.csv")
+fmu = "{name}.fmu"
+variables = {{v.name: v.valueReference for v in fmpy.read_model_description(fmu).modelVariables}}
+names = [name for name in log.dtype.names if name in variables]
+references = [variables[name] for name in names]
+rows = iter(log[names].tolist())
+first = dict(zip(names, next(rows)))
+
+def feed(time, recorder):
+    row = next(rows, None)
+    if row is not None:
+        recorder.fmu.setReal(references, row)
+    return True
+
+start, period = log["time"][0], {period}
+result = fmpy.simulate_fmu(fmu, start_time=start, stop_time=start + len(log) * period, output_interval=period,
+                           start_values=first, step_finished=feed)</pre>
+<p>fmpy compares times relative to their size: times that count from 1970 are too large for it. Let the log begin near 0.</p>
+<h2>Other hosts</h2>
+<ul>
+<li>A host that knows no NaN (OMSimulator): set <code>missing_value</code> to a number that no sensor gives, and send that.</li>
+<li>A host that sets every input whether connected or not: switch the others off with <code>use.*</code>.</li>
+<li>A host that cannot set enumerations (FMI.jl, libcosim): choose when packing, <code>pack {name} --set parameter=choice</code>.</li>
+<li>SSP: <code>resources/{name}.ssv</code> is a parameter set with all start values, to be copied and edited;
+<code>pack {name} --params edited.ssv</code> writes it into the FMU.</li>
+<li>Is this FMU what was packed? <code>pack verify {name}.fmu</code>, or <code>python verify.py {name}.fmu</code> with the script in
+<code>extra/org.fmi-standard.fmi-ls-ref</code>, runs the reference experiment that stands beside it.</li>
+</ul>
 <h2>Time and samples</h2>
 <p>Sample instants are the start time plus whole multiples of <code>sample_period</code>. A step from t over h takes every sample
 instant in [t, t + h) in order, with the inputs as last set, or extrapolated with their derivatives where the host gave them
