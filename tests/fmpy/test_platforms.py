@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import fmpy
 import numpy as np
 import pytest
-from conftest import FMUS, MODELS
+from conftest import FMUS
 
 NATIVE = Path(__file__).parent / "native"
 LIBRARIES = Path(os.environ.get("WHEELSTATE_LIBRARIES", "/none"))
@@ -78,7 +78,6 @@ def test_no_path_of_the_building_machine_stands_in_a_library(platform):
         assert word not in content, word
 
 
-@pytest.mark.parametrize("model", MODELS)
 def test_a_library_runs_the_reference_experiment(platform, model, tmp_path):
     name, library, compiler, runner = platform
     for program in (compiler[0], *runner[:1]):
