@@ -57,7 +57,7 @@ def test_a_library_exports_the_standard_and_needs_the_system_only(platform, func
         table = text[text.index("[Ordinal/Name Pointer] Table") :]
         assert set(re.findall(r"\] (?:\+base\[.*?\] +\w+ )?(\w+)$", table, re.M)) == functions == exported
         needed = {dll.lower() for dll in re.findall(r"DLL Name: (\S+)", text)}
-        system = {"kernel32.dll", "msvcrt.dll", "ntdll.dll", "ws2_32.dll", "userenv.dll", "bcryptprimitives.dll", "bcrypt.dll"}
+        system = {"kernel32.dll", "advapi32.dll", "msvcrt.dll", "ntdll.dll", "ws2_32.dll", "userenv.dll", "bcryptprimitives.dll", "bcrypt.dll"}
         assert all(dll in system or dll.startswith("api-ms-win-") for dll in needed), needed
         return
     symbols = tool("readelf", "-W", "--dyn-syms", library)
