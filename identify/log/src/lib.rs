@@ -6,10 +6,14 @@
 
 mod assemble;
 mod between;
+#[cfg(feature = "can")]
+mod can;
 pub mod columns;
 mod csv;
 mod error;
 pub mod guard;
+#[cfg(feature = "mcap")]
+mod mcap;
 #[cfg(feature = "mf4")]
 mod mf4;
 pub mod output;
@@ -64,6 +68,10 @@ enum Format {
     Csv,
     Parquet,
     Mf4,
+    Mcap,
+    Blf,
+    Asc,
+    Candump,
 }
 
 impl Format {
@@ -76,6 +84,10 @@ impl Format {
             "csv" | "tsv" => Ok(Self::Csv),
             "parquet" => Ok(Self::Parquet),
             "mf4" | "mdf" => Ok(Self::Mf4),
+            "mcap" => Ok(Self::Mcap),
+            "blf" => Ok(Self::Blf),
+            "asc" => Ok(Self::Asc),
+            "log" | "candump" => Ok(Self::Candump),
             "gz" | "zst" if matches!(endings.next(), Some("csv" | "tsv")) => Ok(Self::Csv),
             "gz" | "zip" | "bz2" | "xz" | "zst" | "7z" => {
                 fail("is compressed; unpack it first (.csv.gz and .csv.zst are read as they are)")
@@ -109,7 +121,7 @@ impl Format {
 }
 
 /// The endings of files that are read.
-const ENDINGS: &str = ".csv, .csv.gz, .csv.zst, .parquet or .mf4";
+const ENDINGS: &str = ".csv, .csv.gz, .csv.zst, .parquet, .mf4, .mcap, .blf, .asc or .log";
 
 impl Log {
     /// Number of samples.
@@ -229,6 +241,14 @@ fn record(path: &Path, map: Option<&ColumnMap>, progress: &Progress) -> Result<r
         Format::Parquet => parquet::read(path, progress),
         #[cfg(feature = "mf4")]
         Format::Mf4 => mf4::read(path, progress),
+        #[cfg(feature = "mcap")]
+        Format::Mcap => mcap::read(path, map.and_then(|map| map.stamps), progress),
+        #[cfg(feature = "can")]
+        Format::Blf => can::read(path, can::Kind::Blf, map, progress),
+        #[cfg(feature = "can")]
+        Format::Asc => can::read(path, can::Kind::Asc, map, progress),
+        #[cfg(feature = "can")]
+        Format::Candump => can::read(path, can::Kind::Candump, map, progress),
         #[allow(unreachable_patterns)]
         _ => Err(LogError::file(&path.display().to_string(), "this build cannot read this kind of file")),
     }

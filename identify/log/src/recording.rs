@@ -3,9 +3,9 @@
 use crate::LogError;
 use crate::columns::unit;
 use crate::error::quoted;
+use std::collections::HashSet;
 
 /// The groups of a file under their own names.
-#[derive(Debug)]
 pub(crate) struct Recording {
     pub file: String,
     pub sha256: String,
@@ -15,6 +15,17 @@ pub(crate) struct Recording {
     /// What was guessed or repaired, one line each.
     pub notes: Vec<String>,
     pub place: Place,
+    /// Reads the columns that are needed, in formats that hold much more than that.
+    pub loader: Option<Box<dyn Loader>>,
+}
+
+/// Reads columns once it is known which ones are needed.
+pub(crate) trait Loader {
+    /// What to say where nothing is asked for.
+    fn what(&self, groups: &[Group]) -> String;
+
+    /// Fills the wanted columns (group and place) and the clocks of their groups; returns what to say of it.
+    fn load(&mut self, groups: &mut [Group], wanted: &HashSet<(usize, usize)>) -> Result<Vec<String>, LogError>;
 }
 
 /// Columns that were sampled together. All have the same length.
@@ -55,6 +66,8 @@ pub(crate) struct Column {
 pub(crate) enum Values {
     /// One per sample, as recorded; NaN is a missing one.
     Numbers(Vec<f64>),
+    /// Numbers that nobody has asked for yet.
+    Unread,
     /// Text: the place and content of the first.
     Text { at: String, text: String },
     /// Something that is no number, in words: `a byte array`.
@@ -83,6 +96,7 @@ impl Column {
     pub fn as_numbers(&self, file: &str) -> Result<&[f64], LogError> {
         match &self.values {
             Values::Numbers(values) => Ok(values),
+            Values::Unread => Ok(&[]),
             Values::Text { at, text } => {
                 let what = format!("column {}: {} is not a number", quoted(&self.name), quoted(text));
                 Err(LogError::file(at, what))

@@ -2,6 +2,7 @@
 
 mod csv;
 mod damaged;
+mod fuzz;
 mod log;
 mod maps;
 mod measurement;

@@ -35,6 +35,16 @@ Groups with clocks of their own (groups of MDF4, topics, CAN messages):
   speed = { column = \"speed\", between = \"hold\" }   what stands between the samples of a slower group:
                                                      missing (default), hold, nearest or linear
 
+Topics of MCAP recordings and signals of CAN logs (.blf, .asc, candump's .log), which are read only if they are named:
+
+  speed = \"/odom.twist.twist.linear.x\"              topic and field; a list's element: /joint_states.position[2]
+  speed = \"ESP_21.ESP_v_Signal\"                     message and signal of the database
+  [mcap]
+  time = \"header\"                                   the stamps in messages (default where all have them), or
+                                                     \"log\" or \"publish\"
+  [can]
+  dbc = [\"car.dbc\"]   channel = 1                     databases, relative to the map; the bus if there are several
+
 Another file on the clock of the log (time + offset), {stem} being the log's name:
 
   join = [{ file = \"{stem}_gps.csv\", time = \"t\", offset = -0.35, as = \"gps\" }]

@@ -25,8 +25,8 @@ Exit codes:
   1  done with warnings (a parameter is not identifiable or sits at a bound)
   2  refused; one line on stderr says why and no output file is written
 
-Logs are CSV, Parquet or MDF4 files (.csv, .csv.gz, .csv.zst, .parquet, .mf4) with a column `time` in s and
-columns named as the FMU's inputs, in SI units or with units that the file states. --columns reads logs with
+Logs are CSV, Parquet, MDF4, MCAP or CAN files (.csv, .csv.gz, .csv.zst, .parquet, .mf4, .mcap, .blf, .asc, .log) with
+a column `time` in s and columns named as the FMU's inputs, in SI units or with units that the file states. --columns reads logs with
 other names and units.
 
 Examples:

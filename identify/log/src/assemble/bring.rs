@@ -58,7 +58,7 @@ impl<'a> Bring<'a> {
             let channels = self.sparse.iter().filter(|(g, _)| *g == group).map(|(_, name)| name.as_str());
             let own = self.clocks[group].as_deref().map_or(String::new(), rate);
             format!(
-                "{} of {} (every {own}) stand at the nearest of the log's times (every {}) and are missing between; \
+                "sampled where recorded and missing between: {} of {}, every {own} beside {}; \
                  between = \"hold\", \"linear\" or \"nearest\" in a column map fills them",
                 listed(channels),
                 self.recording.group(group),

@@ -13,6 +13,10 @@ pub(crate) fn join(
     join: &Join,
     map: &ColumnMap,
 ) -> Result<(), LogError> {
+    if other.loader.is_some() {
+        let what = "a log of messages cannot be joined to another one; take it as the log and join the other";
+        return Err(map.error(format!("join: {}: {what}", other.file)).into());
+    }
     decide_clocks(&mut other, Some(map), join.time.as_ref())?;
     let file = other.file.clone();
     let several = other.groups.len() > 1;

@@ -55,6 +55,16 @@ pub(crate) fn assemble(
     let mut used: HashSet<At> =
         jobs.iter().flat_map(|job| job.source.columns().iter().chain(&job.condition)).copied().collect();
     used.extend(blank.iter().flat_map(|(_, columns)| columns));
+    drop(index);
+    if let Some(mut loader) = recording.loader.take() {
+        if used.is_empty() {
+            return Err(LogError::file(&recording.file, loader.what(&recording.groups)));
+        }
+        let mut wanted = used.clone();
+        wanted.extend(base.map(|base| (base, 0)));
+        notes.extend(loader.load(&mut recording.groups, &wanted)?);
+    }
+    let index = Index::new(&recording);
 
     // Times of all groups that have any.
     let clocks: Vec<Result<Vec<f64>, String>> =
@@ -119,8 +129,6 @@ pub(crate) fn assemble(
     notes.extend(bring.told());
     let taken: HashSet<At> =
         jobs.iter().filter_map(|job| if let Resolved::Column(at) = job.source { Some(at) } else { None }).collect();
-    drop(jobs);
-    drop(blank);
     let names = std::mem::take(&mut channels);
     let (rest, left) = rest(recording, base, &time, &clocks, &taken, names, inputs.is_none() && map.is_none())?;
     notes.extend(left);

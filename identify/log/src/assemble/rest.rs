@@ -48,6 +48,7 @@ pub(super) fn rest(
             let values = match column.values {
                 Values::Numbers(ref values) if mapped.contains(&column.name) && values.is_empty() => continue,
                 Values::Numbers(values) => values,
+                Values::Unread => continue,
                 Values::Text { .. } => {
                     foreign.push(format!("{} (text)", column.name));
                     continue;

@@ -80,6 +80,7 @@
 //!
 //! [can]
 //! dbc = ["car.dbc"]      # relative to the map
+//! channel = 1            # the bus, where messages are on several: a number, or a name as candump's "can0"
 //! ```
 //!
 //! Columns that no channel is read from keep their own names; what is not used never refuses a file.
@@ -113,6 +114,8 @@ pub struct ColumnMap {
     pub(crate) csv: CsvOptions,
     pub(crate) stamps: Option<Stamps>,
     pub(crate) dbc: Vec<PathBuf>,
+    /// The bus of a CAN log.
+    pub(crate) can_channel: Option<String>,
 }
 
 /// Another file whose groups are added.
@@ -196,6 +199,7 @@ impl ColumnMap {
             csv: CsvOptions::default(),
             stamps: None,
             dbc: Vec::new(),
+            can_channel: None,
         };
         for (key, value) in &table {
             map.entry(key, value).map_err(|what| MapError { file: file.to_owned(), what: format!("{key}: {what}") })?;
@@ -229,7 +233,13 @@ impl ColumnMap {
                 };
             }
             ("can", Value::Table(table)) if !Rule::is_rule(table) => {
-                known(table, &["dbc"])?;
+                known(table, &["dbc", "channel"])?;
+                self.can_channel = match table.get("channel") {
+                    None => None,
+                    Some(Value::String(name)) => Some(name.clone()),
+                    Some(Value::Integer(number)) => Some(number.to_string()),
+                    Some(_) => return Err("channel must be a number or a name in quotes".to_owned()),
+                };
                 let paths = table.get("dbc").map(|value| texts("dbc", value)).transpose()?.unwrap_or_default();
                 self.dbc = paths.into_iter().map(PathBuf::from).collect();
             }

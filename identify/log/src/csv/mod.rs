@@ -138,6 +138,7 @@ pub(super) fn parse(file: &str, from: impl Read, options: &CsvOptions, to: &Prog
         own: 1,
         notes,
         place: Place::Lines { header, samples },
+        loader: None,
     })
 }
 

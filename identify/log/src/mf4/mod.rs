@@ -85,7 +85,7 @@ pub(super) fn parse(name: &str, bytes: &[u8], progress: &Progress) -> Result<Rec
     }
     let own = groups.len();
     let sha256 = crate::csv::sha256_of(bytes);
-    Ok(Recording { file: name.to_owned(), sha256, groups, own, notes, place: Place::Samples })
+    Ok(Recording { file: name.to_owned(), sha256, groups, own, notes, place: Place::Samples, loader: None })
 }
 
 /// A file that is being read.

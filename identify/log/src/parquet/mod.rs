@@ -89,7 +89,7 @@ fn parse(path: &Path, progress: &Progress) -> Result<Recording, LogError> {
     columns.extend(told("pandas").and_then(|text| range_index(text, rows)));
     progress.finish();
     let groups = vec![Group { name: String::new(), clock: Clock::Undecided, columns }];
-    Ok(Recording { file: name, sha256, groups, own: 1, notes, place: Place::Samples })
+    Ok(Recording { file: name, sha256, groups, own: 1, notes, place: Place::Samples, loader: None })
 }
 
 /// A text in the file's metadata.
