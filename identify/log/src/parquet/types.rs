@@ -122,8 +122,11 @@ impl Meaning {
     }
 }
 
-/// A number of units as s: whole seconds and the rest, each exact or rounded once.
+/// A number of units as s: rounded once, or, beyond what a float holds exactly, as whole seconds and the rest.
 fn seconds(value: i64, per_second: i64) -> f64 {
+    if value.unsigned_abs() < 1 << 53 {
+        return value as f64 / per_second as f64;
+    }
     (value / per_second) as f64 + (value % per_second) as f64 / per_second as f64
 }
 
