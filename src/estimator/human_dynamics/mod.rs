@@ -1,32 +1,49 @@
-//! Human dynamics: joint torques, seat wrench and centre of mass of a seated person, with variances.
+//! Joint torques, seat wrench and centre of mass of a seated person, with variances.
 //!
-//! Latella et al., *Towards real-time whole-body human dynamics estimation through probabilistic
-//! sensor fusion algorithms*, Autonomous Robots 43 (2019): the equations of motion of a body of 12
-//! segments and whatever sensors there are make one least squares problem per sample, whose
-//! solution is the maximum a posteriori estimate of all accelerations, wrenches and torques. New
-//! here: a base that moves with a seat, joints with several degrees of freedom, and the variances
-//! of all estimates at every step.
+//! # Model
+//! The equations of motion of a body of 12 segments and 19 joints ([`model::multibody`](crate::model::multibody), its
+//! [rows](crate::model::multibody::equations)) and whatever sensors there are make one linear least squares problem
+//! per sample. Its solution ([`filter::map`](crate::filter::map)) is the maximum a posteriori estimate of all
+//! accelerations, wrenches and torques, with the variance of each. Nothing is carried from sample to sample. The
+//! segments' masses and inertias follow from `body.height` and `body.mass`. [`HumanDynamics`] is the seated body with
+//! a fixed list of sensors; [`WholeBody`] takes any tree and any sensors.
 //!
-//! Model: [`model::multibody`](crate::model::multibody). Solver: [`filter::map`](crate::filter::map).
-//! [`HumanDynamics`] is the seated body with a fixed list of sensors;
-//! [`WholeBody`] takes any tree and any sensors.
+//! Frames of pelvis, thorax, head and arms: x forward, y left, z up when sitting upright with the arms hanging; thighs
+//! as the pelvis, with the thigh along x; shanks with z up and the foot forward. All joint coordinates are zero in
+//! this posture. A segment's origin is the joint towards the pelvis; the pelvis's origin is midway between the hips.
 //!
-//! # Frames
-//! Pelvis, thorax, head, arms: x forward, y left, z up when sitting upright with the arms hanging;
-//! thighs as the pelvis with the thigh along x; shanks with z up and the foot ahead. All joint
-//! coordinates are zero in this posture. A segment's origin is the joint towards the pelvis; the
-//! pelvis's origin is midway between the hips.
-//!
-//! # Coupling to a vehicle
-//! `-seat_wrench` at the pelvis's origin is the load on the vehicle; it holds the person's weight and
-//! inertia. `body_mass` and `com` serve estimators that model the person as a carried mass
-//! instead: one or the other, never both.
+//! Coupling to a vehicle: `-seat_wrench` at the pelvis's origin is the load on the vehicle; it holds the person's
+//! weight and inertia. `body_mass` and `com` serve estimators that model the person as a carried mass instead: one or
+//! the other, never both.
 //!
 //! # What cannot be observed
-//! Without hand and foot sensors the wrenches there are known only by their prior, and what they
-//! carry through legs and arms blurs torques and seat wrench: the standard deviations say so. Noise
-//! of the joint positions is not part of the model. Mass and height are taken as exact; a body
-//! known badly needs a larger `variance.equation.net_wrench`.
+//! Without hand and foot sensors the wrenches there are known only by their prior, and what they carry through legs
+//! and arms blurs torques and seat wrench: the standard deviations show it. Noise of the joint positions is not part
+//! of the model. Mass and height are taken as exact; a body known badly needs a larger `variance.equation.net_wrench`.
+//!
+//! # Noise and defaults
+//! Variances, as in the source, in the square of the unit of what they belong to:
+//! - equations of motion 1e-4 (`variance.equation.*`), all priors 1e4, the seat's wrench 1e6; a hand's force 30 N and
+//!   moment 10 N m, a foot's force 80 N and moment 40 N m (standard deviations, `variance.prior_*`);
+//! - joint accelerations 0.5 rad/s2, the pelvis's accelerometer 0.05 m/s2, body accelerometers 0.03 m/s2, seat force 2
+//!   N and moment 0.3 N m, hands 0.5 N, feet 2 N (standard deviations);
+//! - used by default are joint accelerations and the pelvis's accelerometer. The default person is 1.70 m tall and
+//!   weighs 65 kg.
+//!
+//! # How to tune
+//! 1. Set `body.height`, `body.mass` and `use.*` for the sensors that there are, and their places `mount.*`.
+//! 2. Joint motion from cameras or inertial suits comes as positions: `differentiate = true`. A longer
+//!    `differentiation.window` gives smoother and later accelerations; raise `variance.joint_acceleration` to the
+//!    variance that is left.
+//! 3. `chi2_*` over the number of channels of a sensor should be 1 or less: far more means a variance set too small, a
+//!    wrong frame or a wrong unit (`identify tune human-dynamics`).
+//! 4. Where hands rest on something without a sensor leave `variance.prior_hand_*` as wide as the force may be.
+//!
+//! # Sources and errata
+//! Latella et al., *Towards real-time whole-body human dynamics estimation through probabilistic sensor fusion
+//! algorithms*, Autonomous Robots 43 (2019): rows (2)-(4), estimate (5). No errata were found; the article prints
+//! neither the rows nor its priors, which are derived here. Extensions: a base that moves with a seat, joints with
+//! several degrees of freedom, and the variances of all estimates at every step.
 
 mod derivatives;
 mod parameters;

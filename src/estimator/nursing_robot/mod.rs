@@ -1,22 +1,54 @@
-//! Nursing robot that carries a seated person: load mass by least squares with adaptive forgetting,
-//! sway of the body by an adaptive unscented Kalman filter (Yang, Shi, Qi, Deng). Also weighs road
-//! vehicles: their load is what `robot.mass` leaves out, and `human.swaying_fraction = 0` switches the
-//! sway filter off.
+//! Nursing robot that carries a seated person: load mass by least squares with adaptive forgetting, sway of the body
+//! by an adaptive unscented Kalman filter. Also weighs road vehicles: their load is what `robot.mass` leaves out, and
+//! `human.swaying_fraction = 0` switches the sway filter off.
 //!
-//! # What is observable
-//! The mass, while the machine accelerates. The sway about the rest posture, from the wheels alone. A
-//! kept lean only with a tilt sensor: it needs no net force. A torque scale that is 1 % wrong or a
-//! rolling coefficient that is 10 % wrong costs about 2 % of a person's mass; `load_mass_std` contains
-//! that.
+//! # Model
+//! The robot moves along its path; the upper body of the person is a pendulum with spring and damper at the hip
+//! ([`model::nursing_robot`](crate::model::nursing_robot)). The floor is level.
+//! - The [mass filter](crate::estimator::nursing_robot::mass) is recursive least squares with one unknown
+//!   ([`filter::rls`](crate::filter::rls)) over the longitudinal equation of motion. Force, speed and acceleration
+//!   pass one low-pass filter (`mass.cutoff`); the force of the swaying body is computed and taken into the regressor.
+//! - The [sway filter](crate::estimator::nursing_robot::sway) is an unscented Kalman filter
+//!   ([`filter::ukf`](crate::filter::ukf)) with the states `[v, phi, phi', tau_a]` and the mass of the first one. Its
+//!   noise [adapts](crate::filter::adaptation) to the innovations.
 //!
-//! # When it says that it is wrong
-//! The innovations are those of the sway filter: `contradicted` says that a mass, a rolling coefficient, a
-//! torque scale or a unit is wrong and the body leans only to explain it. Where that filter is [off](sway)
-//! forces that ask for a mass beyond its bounds say so (`at-bound`, `mass_implausible`).
+//! Frame: origin at the midpoint of the driven axle, projected on the floor; x forward, y left, z up; pitch is
+//! positive when the body leans forward.
 //!
-//! # Frame
-//! Origin: midpoint of the driven axle projected on the floor; x forward, y left, z up. See
-//! [`crate::model::nursing_robot`] for angles, signs and errata of the source.
+//! # What cannot be observed
+//! The mass is seen only while the machine accelerates. The sway about the rest posture is seen from the wheels alone,
+//! a kept lean only with a tilt sensor, since it needs no net force. A torque scale that is 1 % wrong or a rolling
+//! coefficient that is 10 % wrong costs about 2 % of a person's mass; `load_mass_std` contains that.
+//!
+//! `contradicted` comes from the innovations of the sway filter: a mass, a rolling coefficient, a torque scale or a
+//! unit is wrong, and the body leans only to explain it. Where that filter is off, forces that ask for a mass beyond
+//! its bounds raise `at-bound` and `mass_implausible` instead.
+//!
+//! # Noise and defaults
+//! - `sway.measurement_std.speed` is 5 mm/s, `tilt` 10 mrad, `tilt_rate` 10 mrad/s per sample; their variances adapt
+//!   between `sway.noise_low` (0.25) and `sway.noise_high` (25) times that.
+//! - `sway.process_psd.hip_torque` (1 N2 m2 s) drives speed and pitch together, as a cough does. With a tilt sensor
+//!   the slow `active_torque` of the person is a state as well (`sway.model = sound_torque`).
+//! - The mass forgets at 0.998 per sample while its prediction error is small and at 0.97 while it is large (`mass.law
+//!   = exponential`). `load_mass_std` adds to the fit's own uncertainty 10 % of the rolling resistance, 1 % of the
+//!   drive force and 30 % of the sway force (`mass.*_uncertainty`).
+//! - The defaults are a 160 kg robot with a 70 kg person.
+//!
+//! # How to tune
+//! 1. Identify `rolling.coefficient`, `human.stiffness_pitch`, `human.damping_pitch` and `human.rest_pitch` from 40 s
+//!    of stop and go (`identify fit nursing-robot`).
+//! 2. Mass too slow after a change of the load: lower `mass.forgetting_fast` or raise `mass.error_rate`. Mass too
+//!    restless: lower `mass.cutoff`, or set `mass.error_persistence` to a sway period, about 1 s.
+//! 3. Sway: set `sway.measurement_std.*` from the data sheets, then `sway.process_psd.hip_torque` until `nis` is near
+//!    1 (`identify tune nursing-robot`).
+//! 4. Road vehicles: `human.swaying_fraction = 0`, `mass.use_accelerometer = true`, `aero.drag_area`, and the limits
+//!    `limit.torque`, `limit.speed` and `limit.load_mass` of the vehicle.
+//!
+//! # Sources and errata
+//! Yang, Shi, Qi and Deng, *Research on Recognition and Estimation Algorithm for Real time Changes in the Center of
+//! Gravity of Human Sitting Quality*: kinematics and Lagrange's equations (1)-(30), mass filter (31)-(37), sway filter
+//! (38)-(54). Errata stand with the equations: those of (1)-(30) in the model, of (31)-(37) in the mass filter and the
+//! recursion, of (38)-(54) in the sway filter.
 
 mod centre_of_gravity;
 pub mod mass;

@@ -1,26 +1,49 @@
 //! Centre of gravity of a wheel loader from its axle torques and wheel speeds.
 //!
-//! The two axles of a loader with independent drives slip in proportion to torque over load. Speed
-//! and wheel speeds therefore tell how the load is shared between the axles, and from that where
-//! the centre of gravity lies. The estimator joins the [load-transfer model](crate::model::wheel_loader)
-//! with a [square-root unscented Kalman filter](crate::filter::srukf) or its linearised counterpart.
+//! The two axles of a loader with independent drives slip in proportion to torque over load. Speed and wheel speeds
+//! therefore tell how the load is shared between the axles, and from that where the centre of gravity lies.
 //!
-//! # What can be known
+//! # Model
+//! Longitudinal motion and both axles' rotation with exact load transfer
+//! ([`model::wheel_loader`](crate::model::wheel_loader)). States `[v, w_f, w_r]` and the unknowns `[K, h, lambda]`:
+//! slip stiffness, height and ratio of the centre of gravity, kept in their range as logits; with `filter.radii =
+//! estimated` also the relative errors of both rolling radii. Measured are `v`, `w_f`, `w_r`. The filter is a
+//! square-root unscented Kalman filter ([`filter::srukf`](crate::filter::srukf)), or with `filter.kind = ekf` its
+//! linearised counterpart.
 //!
+//! # What cannot be observed
 //! - `cg_ratio` and `slip_stiffness` need traction: torque at the wheels of a moving machine.
-//! - `cg_height` needs *changing* acceleration. At constant torque only the combination
-//!   `lambda - h (v' + g sin alpha)/(g l cos alpha)` is seen; `cg_height_std` then stays where it
-//!   started and the estimate with it. The flag `cg_height_observable` says when the data have revealed it.
-//! - `load_ratio` moves with acceleration, slope and spading; the source most probably plots it as
-//!   "CG location". The geometric centre of gravity of a rigid loader does not move.
-//! - A mismatch of the rolling radii looks like slip. See `filter.radii`.
-//! - Tyres are not the model's: their radius and stiffness change with the load. In the ratio of the slips
-//!   that cannot be told from the load share, and the error does not shrink with more data. The reported
-//!   standard deviations contain it (`model_error`), the filter's own covariance does not.
+//! - `cg_height` needs *changing* acceleration. At constant torque only the combination `lambda - h (v' + g sin
+//!   alpha)/(g l cos alpha)` is seen; `cg_height_std` then stays where it started and the estimate with it.
+//!   `cg_height_observable` says when the data have revealed it.
+//! - `load_ratio` moves with acceleration, slope and spading; the source most probably plots it as "CG location". The
+//!   geometric centre of gravity of a rigid loader does not move.
+//! - A mismatch of the rolling radii looks like slip: 0.3 % spoil the centre of gravity. See `filter.radii`.
+//! - Tyres whose radius and stiffness change with the load are not part of the model. In the ratio of the slips that
+//!   cannot be told from the load share, and the error does not shrink with more data. The reported standard
+//!   deviations contain it (`model_error.*`), the filter's own covariance does not.
 //!
-//! Source: Yang, Wang and Han, "A novel real-time center of gravity estimation method for wheel
-//! loaders with front/rear-axle-independent electric driving" (2021); its errata stand beside the
-//! equations in the model and the filter.
+//! # Noise and defaults
+//! - `filter.measurement_std.speed` is 0.02 m/s and `wheel_speed` 0.035 rad/s per sample. On rough ground the slip
+//!   innovations raise both, up to `filter.adaptation.limit` (10) times.
+//! - `filter.process_psd.*`: 0.01 m2/s3 for the speed, 0.04 rad2/s3 for the wheels; the unknowns drift by 0.015 (slip
+//!   stiffness), 0.003 (height) and 0.007 (ratio) logit units in one second.
+//! - Before the first sample: `K` 19 +- 10, `h` 0.95 +- 0.16 m, `lambda` 0.45 +- 0.1 (`initial.*`).
+//! - The defaults are a 4.7 t compact loader with 2.2 m wheelbase and 0.55 m wheels.
+//!
+//! # How to tune
+//! 1. Calibrate the rolling radii while coasting, or set `initial.wheel_radius_std` to 0.003 and let the filter
+//!    correct them.
+//! 2. Set `initial.cg_ratio`, `initial.cg_height` and their `_std` to what is known of the machine with an empty and a
+//!    full bucket.
+//! 3. Set `filter.measurement_std.*` from the data sheets. Where the estimates jump on rough ground raise
+//!    `filter.adaptation.memory`; where they are slow after the bucket was filled raise `filter.process_psd.cg_ratio`.
+//! 4. `nis` above 1 on smooth ground means a wrong mass, rolling coefficient or radius (`identify fit wheel-loader`).
+//!
+//! # Sources and errata
+//! Yang, Wang and Han, *A Novel Real-Time Center of Gravity Estimation Method for Wheel Loaders with
+//! Front/Rear-Axle-Independent Electric Driving* (2021): load transfer (6)-(14), equations of motion (15)-(19), filter
+//! (20)-(28). Errata of (6)-(18) and Table 1 stand in the model, of (22)-(27) in the filter.
 
 mod belief;
 mod coordinates;

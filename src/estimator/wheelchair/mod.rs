@@ -1,9 +1,11 @@
 //! Wheelchair with power assistance: speed, heading, slope and pitch, with sensor biases.
 //!
-//! Model: [`model::wheelchair`](crate::model::wheelchair) (Oh and Hori, corrected). Filter: the extended
-//! Kalman filter of eq. (28)-(40) with Joseph update, in one of four kinds:
+//! # Model
+//! Motion on a sloping plane, and what encoders, gyro and accelerometer read on it
+//! ([`model::wheelchair`](crate::model::wheelchair)). The filter is an extended Kalman filter with Joseph update
+//! ([`filter::ekf`](crate::filter::ekf)) in one of four kinds:
 //!
-//! | kind | states | for |
+//! | `filter.kind` | states | for |
 //! |---|---|---|
 //! | `basic` | 6 | calibrated sensors and forces; misses slopes and is overconfident with others |
 //! | `bias` (default) | 13 | unknown biases of gyro and accelerometer, force and mass not quite right |
@@ -13,14 +15,38 @@
 //! Impacts on a kerb or a ramp's edge, which none of these models has, are down-weighted (`filter.outlier_threshold`).
 //!
 //! # What cannot be observed
-//! On flat ground nothing tells the heading relative to the contour line: it rests on the initial heading
-//! and the encoders, and `status` says `unobservable`. A slope that contradicts the heading raises
-//! `contradicted` and clears `healthy`. Even on a slope a wrong initial heading is
-//! corrected only by `gravity_vector`; the other kinds take the encoders' heading as true. At rest
-//! slope and accelerometer bias cannot be distinguished (0.05 m/s^2 look like 5 mrad). A slope that
-//! appears as a step, without rotation that the gyro could see, is found late or not at all. A constant
-//! unmodelled force and the bias of the forward accelerometer look like slope too, until the drive
-//! force changes; `bias` and `gravity_vector` carry the force's errors as states, `basic` takes force and mass as true.
+//! On flat ground nothing tells the heading relative to the contour line: it rests on the initial heading and the
+//! encoders, and `status` says `unobservable`. A slope that contradicts the heading raises `contradicted` and clears
+//! `healthy`. Even on a slope a wrong initial heading is corrected only by `gravity_vector`; the other kinds take the
+//! encoders' heading as true. At rest slope and accelerometer bias cannot be distinguished (0.05 m/s2 look like 5
+//! mrad). A slope that appears as a step, without rotation that the gyro could see, is found late or not at all. A
+//! constant unmodelled force and the bias of the forward accelerometer look like slope too, until the drive force
+//! changes; `bias` and `gravity_vector` carry the force's errors as states, `basic` takes force and mass as true.
+//!
+//! # Noise and defaults
+//! - `filter.measurement_std`: encoders 3 mrad, gyro 5 mrad/s, accelerometer 0.05 m/s2 per sample. The lever of the
+//!   accelerometer carries the slope's second derivative into it (`slope_acceleration`, 1 rad/s2).
+//! - `filter.process_psd`: 1e-3 m2/s3 for the speed, 4e-3 rad2/s3 for the yaw rate, 0.5 rad2/s3 for the slope's rate;
+//!   biases drift slowly, an unmodelled force by 2 N in one second.
+//! - Biases at the start are known to 0.02 rad/s and 0.1 m/s2, the drive force to 10 % and 3 N (`initial.*_std`).
+//! - At standstill speed and rates are known to be zero within 2 mm/s and 2 mrad/s, and brakes may hold the chair.
+//! - The defaults are 100 kg of chair and user with 0.305 m wheels.
+//!
+//! # How to tune
+//! 1. Weigh chair and user, measure wheel radius, track and the place of the accelerometer; fit `chair.drag`,
+//!    `rolling.coefficient` and `chair.yaw_inertia` to a log (`identify fit wheelchair`).
+//! 2. Set `filter.measurement_std.*` from the data sheets. The accelerometer's also covers vibration: drive over the
+//!    usual floor and take its standard deviation.
+//! 3. Slope too slow: raise `filter.process_psd.slope_rate`; too restless: lower it. If `nis` stays above 1 raise
+//!    `filter.process_psd.speed` first (`identify tune wheelchair`).
+//! 4. If the chair's heading to the contour line is not known at the start: `filter.kind = gravity_vector`. If the
+//!    wheels slip on ramps: `filter.process_psd.heading_offset = 1e-5`.
+//!
+//! # Sources and errata
+//! Oh and Hori, *Development of an Extended Operational States Observer of a Power Assist Wheelchair*: motion and
+//! sensors (1)-(20), extended Kalman filter (28)-(40), Jacobians (43)-(45). All errata, with reasons, stand in the
+//! model. Biases and errors of the force ([`BiasedState`](crate::model::wheelchair::BiasedState)) and the [direction
+//! of gravity as state](crate::model::wheelchair::gravity) are not in the source.
 
 pub mod attitude;
 pub mod ekf;

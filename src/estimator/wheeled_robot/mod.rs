@@ -1,30 +1,48 @@
-//! Wheel forces, motion and sideslip of a four-wheeled robot or car: CN117406607B.
+//! Wheel forces, motion and sideslip of a four-wheeled robot or car.
 //!
-//! A sliding-mode observer per wheel ([`crate::filter::sliding_mode`]) finds the longitudinal forces
-//! from torque and wheel speed; with them and the steering angle as input a square-root cubature filter
-//! ([`crate::filter::srckf`]) estimates longitudinal speed, lateral speed and yaw rate of the planar
-//! model ([`crate::model::wheeled_robot`]).
+//! # Model
+//! A sliding-mode observer per wheel ([`filter::sliding_mode`](crate::filter::sliding_mode)) finds the longitudinal
+//! forces from torque and wheel speed, `J w' = T - R F`. With them and the steering angle as input a square-root
+//! cubature Kalman filter ([`filter::srckf`](crate::filter::srckf)) estimates longitudinal speed, lateral speed and
+//! yaw rate of the planar model ([`model::wheeled_robot`](crate::model::wheeled_robot)), whose lateral forces are
+//! those of the tyres ([`model::tire`](crate::model::tire)). Measured are `a_x`, `a_y` (`filter.channels = patent`),
+//! the yaw rate as well (`gyro`), and the speed of the wheels or a reference as well (`wheel_speed`, the default).
 //!
-//! # What can be known
-//! The source measures two accelerations (`filter.channels = patent`). With these, and also with the
-//! gyroscope (`gyro`), the longitudinal speed is not observable on a straight: `status` then says so and
-//! `speed_x_std` grows like the open loop's. With the wheels' or a reference speed it is.
-//! A constant error of a torque cannot be seen: it goes into the force as `b/R`. Lateral speed rests
-//! on the tyre's parameters; their errors are not in the standard deviations.
-//!
-//! The noise of the steering angle, which moves the lateral acceleration that the model expects, counts as noise of
-//! `accel_y` (`filter.measurement_std.steering_angle`; the source leaves it out, and the robot's `speed_y` then errs by
-//! 1.4 to 1.7 times its deviation). Slip of the wheels is an error of the measured speed: in hard braking a car's
-//! `speed_x` errs by five times `speed_x_std` unless `wheel.slip_stiffness` or `filter.measurement_std.speed` says so.
-//!
-//! # Inputs that are missing
-//! While no torque was ever measured the forces are those that explain the longitudinal acceleration, which then is
-//! no measurement any more. Without a wheel's speed its force is `(T - J ax/R)/R`. The last steering angle and torques
+//! While no torque was ever measured the forces are those that explain the longitudinal acceleration, which then is no
+//! measurement any more. Without a wheel's speed its force is `(T - J ax/R)/R`. The last steering angle and torques
 //! hold.
 //!
-//! # Time
-//! A step longer than the sample period is predicted in steps of about one period, up to one second;
-//! after a longer gap the filter makes a new start at the last speed, uncertain by what a vehicle may do meanwhile.
+//! # What cannot be observed
+//! With the two accelerations of the source, and also with the gyro, the longitudinal speed is not observable on a
+//! straight: `status` then says so and `speed_x_std` grows like the open loop's. With the wheels' or a reference speed
+//! it is. A constant error of a torque cannot be seen: it goes into the force as `b/R`. Lateral speed rests on the
+//! tyres' parameters; their errors are not in the standard deviations.
+//!
+//! # Noise and defaults
+//! - `filter.measurement_std.accel_x` and `accel_y` are 0.1 m/s2, `gyro_z` 0.01 rad/s, `speed` 0.05 m/s per sample.
+//! - The noise of the steering angle moves the lateral acceleration that the model expects and counts as noise of
+//!   `accel_y` (`filter.measurement_std.steering_angle`, 3 mrad; the source leaves it out, and the robot's `speed_y`
+//!   then errs by 1.4 to 1.7 times its deviation).
+//! - Slip of the wheels is an error of the measured speed: in hard braking a car's `speed_x` errs by five times
+//!   `speed_x_std` unless `wheel.slip_stiffness` or `filter.measurement_std.speed` says so.
+//! - `filter.process_psd.*` are 0.04 (m2/s3 and rad2/s3).
+//! - A step longer than the sample period is predicted in steps of about one period, up to one second; after a longer
+//!   gap the filter makes a new start at the last speed, uncertain by what a vehicle may do meanwhile.
+//! - The defaults are a 60 kg robot with 0.8 m wheelbase.
+//!
+//! # How to tune
+//! 1. Measure mass, axle distances, tracks and wheel radius; fit `tire.*` to a log with turns near the limit
+//!    (`identify fit wheeled-robot`).
+//! 2. Observers: `observer.gain + observer.amplitude * observer.steepness`, the bandwidth in 1/s, near the one that
+//!    the observer's page gives, and below half of the sample rate; `observer.nominal_rate` a quarter of it at most.
+//! 3. Filter: `filter.measurement_std.*` from the data sheets, those of the accelerations with what the model's force
+//!    lacks (roll, road); then `filter.process_psd.*` until `nis` is near 1. `nis_accel_x` to `nis_speed` show which
+//!    channel is wrong (`identify tune wheeled-robot`).
+//!
+//! # Sources and errata
+//! Patent CN117406607B, claim 1: planar model (step 1), sliding-mode observer (step 2), square-root cubature filter
+//! (step 3). Its formulas are images that the published text lacks, so the equations are the standard ones that its
+//! words describe. Errata of step 1 stand in the model, of step 2 in the observer, of step 3 in the filter.
 
 mod forces;
 mod integration;

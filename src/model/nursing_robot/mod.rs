@@ -9,6 +9,17 @@
 //! the hip to the upper body's centre of mass is `n = Rz(theta) Ry(phi_y) Rx(phi_x) e_z`. Wheel
 //! torques drive forward when positive. The robot's own centre of mass and the hip lie above C.
 //!
+//! # Equations
+//! With `F = eta (tau_r + tau_l)/r`, `F_f = f M g tanh(v/v_s)`, the swaying mass `m_u = mu m_h`, `b = m_u h`,
+//! `J = m_u (h^2 + rho^2)` and `Mt = m + m_h + m_rot`, for pitch alone (`phi_x = 0`), from (11)-(29), corrected:
+//!
+//! ```text
+//! [ Mt        b cos phi ] [ v'   ]   [ F - F_f + b (omega^2 + phi'^2) sin phi                                    ]
+//! [ b cos phi J         ] [ phi''] = [ b g sin phi - k (phi - phi0) - c phi' + J omega^2 sin phi cos phi + tau_a ]
+//!
+//! phi'' = -(c/J) phi' - ((k - b g)/J) phi - kappa a,  kappa = h/(h^2 + rho^2)       small angles
+//! ```
+//!
 //! # Errata of the paper that shape this file
 //! * Table 1 and the text swap pitch and roll; (10), (13), (29) only fit the reading above.
 //! * (2), (23) forbid side slip at the centre of a robot driven at the front; that holds at the midpoint
@@ -259,14 +270,8 @@ impl Lean {
     }
 }
 
-/// Longitudinal motion with pitch sway only (`phi_x = 0`), solved for the accelerations:
-///
-/// ```text
-/// [ Mt        b cos phi ] [ v'   ]   [ F - F_f + b (omega^2 + phi'^2) sin phi                                    ]
-/// [ b cos phi J         ] [ phi''] = [ b g sin phi - k (phi - phi0) - c phi' + J omega^2 sin phi cos phi + tau_a ]
-/// ```
-///
-/// The determinant `Mt J - b^2 cos^2 phi` is positive for every phi.
+/// Longitudinal motion with pitch sway only (`phi_x = 0`), the equations of the [module's page](self) solved for the
+/// accelerations. The determinant `Mt J - b^2 cos^2 phi` is positive for every phi.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Planar {
     /// `Mt`: robot, person and rotating parts, kg.

@@ -17,6 +17,23 @@
 //! (N, N m), measurement `y = [s_enc, alpha_enc, gyro, a_x, a_y, a_z]`; the gyro is positive nose-up
 //! and the accelerometer reads specific force: `(0, 0, +g)` at rest on flat ground.
 //!
+//! # Equations
+//! With `gx = sin(alpha) sin(xi)`, `gy = cos(alpha) sin(xi)`, `gz = cos(xi)`, the mass `M'` and the yaw inertia about the
+//! axle `I' = Ic + M l^2`, both with what turns with the wheels, from (1)-(20), corrected:
+//!
+//! ```text
+//! s' = v,  alpha' = r,  xi' = w
+//! M' v' = u_f - D v - M g gx + M l r^2 - crr M g gz tanh(v/vs)
+//! I' r' = u_r - B r - M g l gy - M l v r - tauc tanh(r/ws)
+//!
+//! s_enc = s - yP (alpha - alpha_ref)          alpha_enc = alpha         gyro = w sin(alpha)
+//! a_x = v' + g gx - dy r' + p q dy - dx (q^2 + r^2)
+//! a_y = v r + g gy + dx r' + p q dx - dy (p^2 + r^2)
+//! a_z = g gz - v q + 2 r (p dx + q dy) - dz (p^2 + q^2)
+//! ```
+//!
+//! With `v'` from the motion, gravity cancels from `a_x`: it measures the force, not the slope.
+//!
 //! # Errata of the source
 //! | equation | printed | correct | reason |
 //! |---|---|---|---|

@@ -4,16 +4,7 @@ use super::motion::accelerations;
 use super::{ALPHA, Accelerations, Accelerometer, COLUMNS, Chair, Command, Gyro, Output, R, S, State, Trig, V, W, XI};
 use nalgebra::{Matrix2, SMatrix, Vector3};
 
-/// `y = h(x, u)` (eq. 20 corrected, or a point of a rigid body).
-///
-/// ```text
-/// s_enc = s - yP (alpha - alpha_ref)          alpha_enc = alpha         gyro = w sin(alpha)
-/// a_x = v' + g sin(alpha) sin(xi) - dy r' + p q dy - dx (q^2 + r^2)
-/// a_y = v r + g cos(alpha) sin(xi) + dx r' + p q dx - dy (p^2 + r^2)
-/// a_z = g cos(xi) - v q + 2 r (p dx + q dy) - dz (p^2 + q^2)
-/// ```
-///
-/// With `v'` from the motion, gravity cancels from `a_x`: it measures the force, not the slope.
+/// `y = h(x, u)`, as the [module's page](super) has it (eq. 20 corrected, or a point of a rigid body).
 pub fn output(chair: &Chair, x: &State, u: &Command, still: bool) -> Output {
     let trig = Trig::of(x);
     reading(chair, x, &trig, &accelerations(chair, x, &trig, u, still))
