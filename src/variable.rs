@@ -84,6 +84,8 @@ pub struct Variable {
     pub process_noise: bool,
     /// A parameter that says how noisy a sensor is.
     pub measurement_noise: bool,
+    /// A parameter to set before all others: with another machine's value the estimates are wrong.
+    pub essential: bool,
 }
 
 /// A parameter that was refused, with the reason.
@@ -126,6 +128,7 @@ impl Variable {
             optional: false,
             process_noise: false,
             measurement_noise: false,
+            essential: false,
         }
     }
 
@@ -406,8 +409,8 @@ macro_rules! code {
 ///
 /// A variable is `name: type = start, "unit", [low, high], flags;` below its description, in which
 /// the range may be left out and the flags are those of [`Variable`](crate::Variable): `tunable`, `measured`, `held`,
-/// `optional`, `process_noise`, `measurement_noise`. A group is `name: Type;`, and `@flat name: Type;` if its variables keep
-/// their names outside.
+/// `optional`, `process_noise`, `measurement_noise`, `essential`. A group is `name: Type;`, and `@flat name: Type;` if
+/// its variables keep their names outside.
 #[macro_export]
 macro_rules! variables {
     ($(#[$meta:meta])* $vis:vis struct $name:ident {

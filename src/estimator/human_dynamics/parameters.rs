@@ -12,17 +12,17 @@ crate::variables! {
     /// Which sensors are used.
     pub struct UseParameters {
         /// Use the joint accelerations qdd_* (or those made by differentiate).
-        joint_acceleration: bool = true, "1";
+        joint_acceleration: bool = true, "1", essential;
         /// Use the accelerometer and the angular acceleration of the pelvis.
-        base_acceleration: bool = true, "1";
+        base_acceleration: bool = true, "1", essential;
         /// Use the seat's force and moment.
-        seat_wrench: bool = false, "1";
+        seat_wrench: bool = false, "1", essential;
         /// Use the accelerometers on thorax, head and forearms.
-        imu: bool = false, "1";
+        imu: bool = false, "1", essential;
         /// Use the forces and moments on the hands.
-        hand_wrench: bool = false, "1";
+        hand_wrench: bool = false, "1", essential;
         /// Use the forces and moments on the feet.
-        foot_wrench: bool = false, "1";
+        foot_wrench: bool = false, "1", essential;
     }
 }
 
@@ -146,11 +146,11 @@ crate::variables! {
     /// All parameters.
     pub struct Parameters {
         /// Time between two samples.
-        sample_period: f64 = 0.01, "s", [1e-4, 1.0];
+        sample_period: f64 = 0.01, "s", [1e-4, 1.0], essential;
         /// The person.
         body: BodyParameters;
         /// Make joint velocities and accelerations from the positions instead of taking qd_* and qdd_*. Until the window is full nothing is estimated.
-        differentiate: bool = false, "1";
+        differentiate: bool = false, "1", essential;
         /// Derivatives from joint positions.
         differentiation: DifferentiationParameters;
         /// Which sensors are used.

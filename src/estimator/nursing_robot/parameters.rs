@@ -156,9 +156,9 @@ variables! {
         /// Whether measurement and process noise are adapted.
         adaptive: bool = true, "1", tunable;
         /// Whether the measured tilt is used. Without it a kept lean cannot be seen.
-        use_tilt: bool = false, "1";
+        use_tilt: bool = false, "1", essential;
         /// Whether the measured tilt rate is used.
-        use_tilt_rate: bool = false, "1";
+        use_tilt_rate: bool = false, "1", essential;
         /// Process noise.
         process_psd: ProcessParameters;
         /// Measurement noise.
@@ -216,7 +216,7 @@ variables! {
     /// All parameters of the nursing robot.
     pub struct Parameters {
         /// Time between two samples.
-        sample_period: f64 = 0.01, "s", [1e-4, 10.0];
+        sample_period: f64 = 0.01, "s", [1e-4, 10.0], essential;
         /// The robot or vehicle without its load.
         robot: Robot;
         /// Rolling resistance.

@@ -29,15 +29,15 @@ variables! {
     /// What is known before the first sample.
     pub struct Initial {
         /// Slip stiffness: longitudinal force over axle load and slip.
-        slip_stiffness: f64 = 19.0, "1", [2.01, 79.9];
+        slip_stiffness: f64 = 19.0, "1", [2.01, 79.9], essential;
         /// Standard deviation of the slip stiffness.
         slip_stiffness_std: f64 = 10.0, "1", [1e-6, 40.0];
         /// Height of the centre of gravity above ground.
-        cg_height: f64 = 0.95, "m", [0.301, 2.499];
+        cg_height: f64 = 0.95, "m", [0.301, 2.499], essential;
         /// Standard deviation of the height of the centre of gravity.
         cg_height_std: f64 = 0.16, "m", [1e-6, 2.0];
         /// Distance of the centre of gravity to the rear axle over the wheelbase: the front axle's share of the static load.
-        cg_ratio: f64 = 0.45, "1", [0.101, 0.899];
+        cg_ratio: f64 = 0.45, "1", [0.101, 0.899], essential;
         /// Standard deviation of the centre of gravity's ratio.
         cg_ratio_std: f64 = 0.1, "1", [1e-6, 0.5];
         /// Relative standard deviation of each rolling radius as given, used if the radii are corrected online. Raise it to 0.003 where they were not calibrated.
@@ -195,7 +195,7 @@ variables! {
     /// All parameters.
     pub struct Parameters {
         /// Time between two samples.
-        sample_period: f64 = 0.01, "s", [1e-4, 0.5];
+        sample_period: f64 = 0.01, "s", [1e-4, 0.5], essential;
         /// The machine.
         loader: Loader;
         /// Rolling resistance.

@@ -33,7 +33,7 @@ crate::variables! {
     /// What is known at the start.
     pub struct InitialParameters {
         /// Heading at the start relative to the slope's contour line, counter-clockwise; pi/2 climbs straight.
-        heading: f64 = 0.0, "rad", [-1e4, 1e4];
+        heading: f64 = 0.0, "rad", [-1e4, 1e4], essential;
         /// Forward speed at the start.
         speed: f64 = 0.0, "m/s", [-20.0, 20.0];
         /// Slope at the start, positive uphill.
@@ -125,7 +125,7 @@ crate::variables! {
         /// Equations: full = Newton-Euler with resistance terms, paper = those of Oh and Hori, corrected.
         model: Model = Model::Full, "1";
         /// State: basic = 6 states, bias = with biases of the sensors and errors of the drive force, acceleration_input = with biases of the sensors and the measured acceleration in place of the drive force, gravity_vector = as bias, without need of an initial heading.
-        kind: Kind = Kind::Bias, "1";
+        kind: Kind = Kind::Bias, "1", essential;
         /// Whether a chair that does not move is recognised, for which brakes and static friction are then allowed.
         detect_standstill: bool = true, "1", tunable;
         /// Whether the slope is reported as not negative, the heading then by half a turn around.
@@ -187,7 +187,7 @@ crate::variables! {
     /// Parameters of the wheelchair's estimator.
     pub struct Parameters {
         /// Time between two samples.
-        sample_period: f64 = 0.01, "s", [1e-5, 1.0];
+        sample_period: f64 = 0.01, "s", [1e-5, 1.0], essential;
         /// Gravity.
         gravity: f64 = STANDARD_GRAVITY, "m/s2", [0.1, 30.0];
         /// The chair with its user.

@@ -114,7 +114,7 @@ variables! {
     /// Cubature filter.
     pub struct Filter {
         /// Which measurements it uses.
-        channels: Channels = Channels::WheelSpeed, "1";
+        channels: Channels = Channels::WheelSpeed, "1", essential;
         /// Whether the input speed is a measured reference that replaces the speed from the wheels.
         use_speed: bool = false, "1";
         /// The axle whose wheels give the speed, best an undriven one; the other one steps in when it has no sample.
@@ -162,7 +162,7 @@ variables! {
     /// Parameters. The defaults are a four-wheeled robot of 60 kg.
     pub struct Parameters {
         /// Time between two samples.
-        sample_period: f64 = 0.01, "s", [1e-5, 1.0];
+        sample_period: f64 = 0.01, "s", [1e-5, 1.0], essential;
         /// Masses and lengths.
         vehicle: Vehicle;
         /// Wheels.

@@ -20,9 +20,9 @@ variables! {
     #[derive(Copy)]
     pub struct BodyParameters {
         /// Height of the person.
-        height: f64 = 1.70, "m", [0.5, 2.6];
+        height: f64 = 1.70, "m", [0.5, 2.6], essential;
         /// Mass of the person.
-        mass: f64 = 65.0, "kg", [5.0, 400.0];
+        mass: f64 = 65.0, "kg", [5.0, 400.0], essential;
     }
 }
 

@@ -48,13 +48,13 @@ variables! {
     #[derive(Copy)]
     pub struct Robot {
         /// Mass of the robot or vehicle with its wheels, without the load that is estimated (m).
-        mass: f64 = 160.0, "kg", [1.0, 1e5];
+        mass: f64 = 160.0, "kg", [1.0, 1e5], essential;
         /// Distance between the left and right drive wheels (L).
         track: f64 = 0.7, "m", [0.05, 10.0];
         /// Radius of the drive wheels (r).
-        wheel_radius: f64 = 0.0825, "m", [0.005, 3.0];
+        wheel_radius: f64 = 0.0825, "m", [0.005, 3.0], essential;
         /// Moment of inertia of one drive wheel about its axle (I_w). The source's 0.0004 is 14 times too small for its 1.7 kg wheel; the effect is 0.7 % of the mass.
-        wheel_inertia: f64 = 0.0004, "kg.m2", [0.0, 1e3];
+        wheel_inertia: f64 = 0.0004, "kg.m2", [0.0, 1e3], essential;
         /// Further equivalent mass of rotating parts (motors, gears), in addition to 2 wheel_inertia / wheel_radius^2. A vehicle whose rotating inertia is known only as one mass sets wheel_inertia to 0 and gives it here.
         rotating_mass: f64 = 0.0, "kg", [0.0, 1e5];
         /// Efficiency between the given wheel torque and the force at the wheel, taken alike in driving and braking (eta).
@@ -71,7 +71,7 @@ variables! {
     #[derive(Copy)]
     pub struct Rolling {
         /// Coefficient of rolling resistance: resistance over weight (f).
-        coefficient: f64 = 0.015, "1", [0.0, 0.5];
+        coefficient: f64 = 0.015, "1", [0.0, 0.5], essential;
         /// Speed scale over which the rolling resistance changes its sign around standstill (v_s).
         smoothing_speed: f64 = 0.02, "m/s", [1e-4, 10.0];
     }
@@ -93,7 +93,7 @@ variables! {
     #[derive(Copy)]
     pub struct Human {
         /// Mass of the person until one is estimated; also the mass to which stiffness and damping belong.
-        nominal_mass: f64 = 70.0, "kg", [0.0, 1e5];
+        nominal_mass: f64 = 70.0, "kg", [0.0, 1e5], essential;
         /// Standard deviation of nominal_mass, shown as load_mass_std until a mass is estimated.
         nominal_mass_std: f64 = 20.0, "kg", [0.0, 1e5];
         /// Fraction of the person's mass that sways (head, arms, trunk); 0 for a load that cannot sway, which switches the sway filter off (mu).
@@ -103,9 +103,9 @@ variables! {
         /// Radius of gyration of the swaying part about its centre of mass (rho).
         gyration_radius: f64 = 0.2428, "m", [0.0, 3.0];
         /// Stiffness of the hip against pitching. Must exceed the toppling moment of gravity per angle, else upright is unstable (k_y).
-        stiffness_pitch: f64 = 400.0, "N.m/rad", [0.0, 1e5];
+        stiffness_pitch: f64 = 400.0, "N.m/rad", [0.0, 1e5], essential;
         /// Damping of the hip against pitching (c_y).
-        damping_pitch: f64 = 25.0, "N.m.s/rad", [0.0, 1e4];
+        damping_pitch: f64 = 25.0, "N.m.s/rad", [0.0, 1e4], essential;
         /// Pitch of the relaxed posture, positive leaning forward (phi_y0).
         rest_pitch: f64 = 0.0, "rad", [-1.0, 1.0];
         /// How far the posture that a person keeps may differ from rest_pitch (standard deviation). Wheels cannot feel a kept lean, so this enters body_pitch_std when no tilt is measured.

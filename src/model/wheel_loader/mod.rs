@@ -59,13 +59,13 @@ variables! {
     #[derive(Copy)]
     pub struct Loader {
         /// Mass of the machine with its load (m).
-        mass: f64 = 4700.0, "kg", [50.0, 1e6];
+        mass: f64 = 4700.0, "kg", [50.0, 1e6], essential;
         /// Wheelbase (l).
-        wheelbase: f64 = 2.2, "m", [0.2, 20.0];
+        wheelbase: f64 = 2.2, "m", [0.2, 20.0], essential;
         /// Rolling radius of the front wheels at zero torque (r_f). A front to rear mismatch of 0.3 % spoils the centre of gravity.
-        wheel_radius_front: f64 = 0.55, "m", [0.05, 3.0];
+        wheel_radius_front: f64 = 0.55, "m", [0.05, 3.0], essential;
         /// Rolling radius of the rear wheels at zero torque (r_r).
-        wheel_radius_rear: f64 = 0.55, "m", [0.05, 3.0];
+        wheel_radius_rear: f64 = 0.55, "m", [0.05, 3.0], essential;
         /// Inertia of the front axle with its drive, seen at the wheels (I_f).
         axle_inertia_front: f64 = 36.0, "kg.m2", [1e-3, 1e5];
         /// Inertia of the rear axle with its drive, seen at the wheels (I_r).
@@ -84,7 +84,7 @@ variables! {
     #[derive(Copy)]
     pub struct Rolling {
         /// Rolling resistance over axle load (f).
-        coefficient: f64 = 0.03, "1", [0.0, 0.5];
+        coefficient: f64 = 0.03, "1", [0.0, 0.5], essential;
         /// Speed over which the resistance changes its sign smoothly (v_s).
         smoothing_speed: f64 = 0.05, "m/s", [1e-4, 1.0];
     }
@@ -95,7 +95,7 @@ variables! {
     #[derive(Copy)]
     pub struct Tire {
         /// Largest friction coefficient (mu_max); 1000 and more makes the tyre linear, as the source's is.
-        friction: f64 = 0.75, "1", [0.05, 1e6];
+        friction: f64 = 0.75, "1", [0.05, 1e6], essential;
         /// Speed below which slip is no longer relative to the speed (v_g).
         slip_speed: f64 = 0.3, "m/s", [1e-3, 5.0];
     }

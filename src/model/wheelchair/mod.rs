@@ -129,11 +129,11 @@ variables! {
     #[derive(Copy)]
     pub struct ChairParameters {
         /// Mass of chair and user (M).
-        mass: f64 = 100.0, "kg", [1.0, 1e4];
+        mass: f64 = 100.0, "kg", [1.0, 1e4], essential;
         /// Yaw inertia of chair and user about their common centre of mass (Ic).
-        yaw_inertia: f64 = 7.0, "kg.m2", [1e-3, 1e5];
+        yaw_inertia: f64 = 7.0, "kg.m2", [1e-3, 1e5], essential;
         /// Distance of the centre of mass forward of the driven axle (l).
-        com_ahead: f64 = 0.12, "m", [-2.0, 2.0];
+        com_ahead: f64 = 0.12, "m", [-2.0, 2.0], essential;
         /// Viscous drag that opposes the speed (D).
         drag: f64 = 12.0, "N.s/m", [0.0, 1e4];
         /// Viscous drag that opposes the yaw rate (B).
@@ -141,11 +141,11 @@ variables! {
         /// Dry friction that opposes turning, mostly of the casters (tauc).
         yaw_friction: f64 = 0.0, "N.m", [0.0, 1e3];
         /// Radius of the driven wheels (R).
-        wheel_radius: f64 = 0.305, "m", [0.01, 2.0];
+        wheel_radius: f64 = 0.305, "m", [0.01, 2.0], essential;
         /// Distance from the encoder reference point to the right wheel; half the track for the axle's midpoint (r1).
-        reference_to_right: f64 = 0.28, "m", [1e-3, 5.0];
+        reference_to_right: f64 = 0.28, "m", [1e-3, 5.0], essential;
         /// Distance from the encoder reference point to the left wheel; half the track for the axle's midpoint (r2).
-        reference_to_left: f64 = 0.26, "m", [1e-3, 5.0];
+        reference_to_left: f64 = 0.26, "m", [1e-3, 5.0], essential;
         /// Spin inertia of one driven wheel with what turns with it.
         wheel_inertia: f64 = 0.0, "kg.m2", [0.0, 1e3];
     }
@@ -169,11 +169,11 @@ variables! {
     #[derive(Copy)]
     pub struct ImuParameters {
         /// Accelerometer forward of the driven axle's midpoint (dx).
-        x: f64 = 0.10, "m", [-5.0, 5.0];
+        x: f64 = 0.10, "m", [-5.0, 5.0], essential;
         /// Accelerometer to the left of the driven axle's midpoint (dy).
-        y: f64 = 0.01, "m", [-5.0, 5.0];
+        y: f64 = 0.01, "m", [-5.0, 5.0], essential;
         /// Accelerometer above the driven axle's midpoint (dz).
-        z: f64 = 0.10, "m", [-5.0, 5.0];
+        z: f64 = 0.10, "m", [-5.0, 5.0], essential;
     }
 }
 

@@ -37,19 +37,19 @@ variables! {
     /// Masses and lengths.
     pub struct Vehicle {
         /// Mass (m).
-        mass: f64 = 60.0, "kg", [0.1, 1e6];
+        mass: f64 = 60.0, "kg", [0.1, 1e6], essential;
         /// Yaw inertia about the centre of gravity (Iz).
-        yaw_inertia: f64 = 7.5, "kg.m2", [1e-4, 1e8];
+        yaw_inertia: f64 = 7.5, "kg.m2", [1e-4, 1e8], essential;
         /// Distance of the centre of gravity from the front axle (lf).
-        cg_to_front: f64 = 0.38, "m", [0.001, 50.0];
+        cg_to_front: f64 = 0.38, "m", [0.001, 50.0], essential;
         /// Distance of the centre of gravity from the rear axle (lr).
-        cg_to_rear: f64 = 0.42, "m", [0.001, 50.0];
+        cg_to_rear: f64 = 0.42, "m", [0.001, 50.0], essential;
         /// Distance of the front wheels from each other (tf).
-        track_front: f64 = 0.60, "m", [0.001, 20.0];
+        track_front: f64 = 0.60, "m", [0.001, 20.0], essential;
         /// Distance of the rear wheels from each other (tr).
-        track_rear: f64 = 0.62, "m", [0.001, 20.0];
+        track_rear: f64 = 0.62, "m", [0.001, 20.0], essential;
         /// Height of the centre of gravity above the ground (h).
-        cg_height: f64 = 0.25, "m", [0.0, 20.0];
+        cg_height: f64 = 0.25, "m", [0.0, 20.0], essential;
     }
 }
 
@@ -57,7 +57,7 @@ variables! {
     /// Wheels, all four alike.
     pub struct Wheel {
         /// Rolling radius (R).
-        radius: f64 = 0.15, "m", [0.001, 10.0];
+        radius: f64 = 0.15, "m", [0.001, 10.0], essential;
         /// Moment of inertia of one wheel with all that turns with it, a motor's rotor reflected through its gear included (J).
         inertia: f64 = 0.06, "kg.m2", [1e-8, 1e5];
         /// Longitudinal force per slip and per load, which corrects the speed taken from slipping wheels; 0 if the wheels are taken to roll without slip. Typically 15 to 30.
