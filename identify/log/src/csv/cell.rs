@@ -72,7 +72,7 @@ impl Cells {
     #[inline]
     fn number(&self, cell: &[u8]) -> Option<f64> {
         if self.decimal == b'.' {
-            return std::str::from_utf8(cell).ok()?.parse().ok();
+            return fast_float2::parse(cell).ok();
         }
         let mut digits = [0; 64];
         let digits = digits.get_mut(..cell.len())?;
@@ -84,7 +84,7 @@ impl Cells {
                 _ => {}
             }
         }
-        std::str::from_utf8(digits).ok()?.parse().ok()
+        fast_float2::parse(digits).ok()
     }
 
     /// Whether a cell is a number, a truth value, a time or a missing sample.

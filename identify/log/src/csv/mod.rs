@@ -5,6 +5,7 @@
 
 mod cell;
 mod dialect;
+mod rows;
 mod source;
 
 use super::columns::CsvOptions;
@@ -12,9 +13,9 @@ use super::error::quoted;
 use super::recording::{Clock, Column, Group, Place, Recording, Values};
 use super::{Log, LogError};
 use crate::progress::Progress;
-use ::csv::{ByteRecord, ReaderBuilder, Trim};
 use cell::Kind;
 use dialect::{Dialect, bare, name_and_unit};
+use rows::{Row, Rows};
 use source::Source;
 pub(super) use source::{sha256, sha256_of};
 use std::fs::File;
@@ -54,25 +55,17 @@ pub(super) fn parse(file: &str, from: impl Read, options: &CsvOptions, to: &Prog
     let mut source = Source::open(file, from, options.encoding)?;
     let dialect = Dialect::guess(file, &source, options)?;
     let lines = source.lines(dialect.skip.0, dialect.ends);
-    let mut reader = ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .trim(Trim::All)
-        .delimiter(dialect.separator)
-        .comment(dialect.comment)
-        .buffer_capacity(1 << 16)
-        .from_reader(lines);
-    let mut record = ByteRecord::new();
-    let fail = |e: ::csv::Error| LogError::file(file, e.to_string());
-    if !reader.read_byte_record(&mut record).map_err(fail)? {
+    let mut rows = Rows::new(lines, &dialect);
+    let fail = |e: io::Error| LogError::file(file, e.to_string());
+    let Some(row) = rows.next().map_err(fail)? else {
         return Err(LogError::file(file, "the file is empty"));
-    }
-    // The reader stands behind the line feed of the record that it just read.
-    let line = |reader: &::csv::Reader<_>| dialect.skip.1 + reader.position().line().saturating_sub(1);
-    let header = line(&reader);
-    let mut columns = columns(file, &record, header, &source, &dialect)?;
-    if dialect.unit_row && reader.read_byte_record(&mut record).map_err(fail)? {
-        for (column, cell) in columns.iter_mut().zip(&record) {
+    };
+    let header = dialect.skip.1 + row.line;
+    let mut columns = columns(file, row, header, &source, &dialect)?;
+    if dialect.unit_row
+        && let Some(row) = rows.next().map_err(fail)?
+    {
+        for (column, cell) in columns.iter_mut().zip(row.iter()) {
             let text = source.decode(cell);
             let text = bare(&text);
             if !text.is_empty() {
@@ -83,12 +76,12 @@ pub(super) fn parse(file: &str, from: impl Read, options: &CsvOptions, to: &Prog
     let mut samples = Vec::new();
     let mut empty = 0;
     let mut seen = 0;
-    while reader.read_byte_record(&mut record).map_err(fail)? {
-        let line = line(&reader);
-        let blank = record.iter().all(<[u8]>::is_empty);
-        let surplus = record.len() > columns.len() && record.iter().skip(columns.len()).all(<[u8]>::is_empty);
-        if record.len() != columns.len() && !surplus && !blank {
-            let what = format!("{} cells, but the header has {} columns", record.len(), columns.len());
+    while let Some(row) = rows.next().map_err(fail)? {
+        let line = dialect.skip.1 + row.line;
+        let blank = row.iter().all(<[u8]>::is_empty);
+        let surplus = row.len() > columns.len() && row.iter().skip(columns.len()).all(<[u8]>::is_empty);
+        if row.len() != columns.len() && !surplus && !blank {
+            let what = format!("{} cells, but the header has {} columns", row.len(), columns.len());
             return Err(LogError::line(file, line, what));
         }
         empty = if blank { empty + 1 } else { 0 };
@@ -96,7 +89,7 @@ pub(super) fn parse(file: &str, from: impl Read, options: &CsvOptions, to: &Prog
             if column.text.is_some() {
                 continue;
             }
-            let cell = record.get(index).unwrap_or_default();
+            let cell = row.get(index).unwrap_or_default();
             match dialect.cells.value(cell, &mut column.kind) {
                 Some(value) => column.values.push(value),
                 None => {
@@ -128,7 +121,7 @@ pub(super) fn parse(file: &str, from: impl Read, options: &CsvOptions, to: &Prog
             Kind::Unknown | Kind::Number => {}
         }
     }
-    drop(reader);
+    drop(rows);
     let sha256 = source.sha256().map_err(|e| LogError::file(file, e.to_string()))?;
     let columns = columns.into_iter().map(finished).collect();
     Ok(Recording {
@@ -160,22 +153,16 @@ fn finished(column: Reading) -> Column {
     Column { name: name.to_owned(), title, unit, values, typed }
 }
 
-fn columns(
-    file: &str,
-    record: &ByteRecord,
-    line: u64,
-    source: &Source,
-    dialect: &Dialect,
-) -> Result<Vec<Reading>, LogError> {
-    let mut columns: Vec<Reading> = Vec::with_capacity(record.len());
-    for (index, cell) in record.iter().enumerate() {
+fn columns(file: &str, row: Row<'_>, line: u64, source: &Source, dialect: &Dialect) -> Result<Vec<Reading>, LogError> {
+    let mut columns: Vec<Reading> = Vec::with_capacity(row.len());
+    for (index, cell) in row.iter().enumerate() {
         let name = source.decode(cell);
         let name = name.trim();
         let name = name.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).unwrap_or(name);
         let title = if name.is_empty() { format!("column_{}", index + 1) } else { name.to_owned() };
         columns.push(Reading { title, unit: None, kind: Kind::Unknown, values: Vec::new(), text: None });
     }
-    if record.iter().all(|cell| !cell.is_empty() && dialect.cells.is_value(cell)) {
+    if row.iter().all(|cell| !cell.is_empty() && dialect.cells.is_value(cell)) {
         let what = "a header with the names of the columns is expected, but here stand values";
         return Err(LogError::line(file, line, format!("{what}, {} first", quoted(&columns[0].title))));
     }

@@ -25,15 +25,21 @@ use types::Meaning;
 /// Reads a file column by column.
 pub(super) fn read(path: &Path, progress: &Progress) -> Result<Recording, LogError> {
     let name = path.display().to_string();
-    guarded(|| parse(path, progress)).unwrap_or_else(|| Err(LogError::file(&name, "the file is damaged")))
+    let file = File::open(path).map_err(|e| LogError::file(&name, e.to_string()))?;
+    // The hash takes as long as the columns.
+    std::thread::scope(|scope| {
+        let hash = scope.spawn(|| super::csv::sha256(path));
+        let damaged = || Err(LogError::file(&name, "the file is damaged"));
+        let recording = guarded(|| parse(&name, file, progress)).unwrap_or_else(damaged)?;
+        let Ok(hash) = hash.join() else { return damaged() };
+        Ok(Recording { sha256: hash.map_err(|e| LogError::file(&name, e.to_string()))?, ..recording })
+    })
 }
 
-fn parse(path: &Path, progress: &Progress) -> Result<Recording, LogError> {
-    let name = path.display().to_string();
-    let file = File::open(path).map_err(|e| LogError::file(&name, e.to_string()))?;
-    let sha256 = super::csv::sha256(path).map_err(|e| LogError::file(&name, e.to_string()))?;
+/// All but the hash.
+fn parse(name: &str, file: File, progress: &Progress) -> Result<Recording, LogError> {
     let reason = |e: ParquetError| e.to_string().replace('\n', " ");
-    let fail = |e: ParquetError| LogError::file(&name, format!("not a readable Parquet file: {}", reason(e)));
+    let fail = |e: ParquetError| LogError::file(name, format!("not a readable Parquet file: {}", reason(e)));
     let reader = SerializedFileReader::new(file).map_err(fail)?;
     let meta = reader.metadata().file_metadata();
     let schema = meta.schema_descr();
@@ -89,7 +95,15 @@ fn parse(path: &Path, progress: &Progress) -> Result<Recording, LogError> {
     columns.extend(told("pandas").and_then(|text| range_index(text, rows)));
     progress.finish();
     let groups = vec![Group { name: String::new(), clock: Clock::Undecided, columns }];
-    Ok(Recording { file: name, sha256, groups, own: 1, notes, place: Place::Samples, loader: None })
+    Ok(Recording {
+        file: name.to_owned(),
+        sha256: String::new(),
+        groups,
+        own: 1,
+        notes,
+        place: Place::Samples,
+        loader: None,
+    })
 }
 
 /// A text in the file's metadata.
@@ -144,7 +158,7 @@ fn typed<T: DataType>(
             return Err(ParquetError::General(format!("a column ends {left} values early")));
         }
         let mut present = values.iter().map(&number);
-        if levels.is_empty() {
+        if levels[..count.min(levels.len())].iter().all(|level| *level == top) {
             to.extend(present);
         } else {
             let filled = levels[..count].iter().map(|level| if *level == top { present.next() } else { None });
