@@ -174,6 +174,8 @@ pub trait Variables: Clone + Send + Sync {
     fn read(&mut self, flat: &[f64]);
     /// Replaces every value by what `f` makes of it, in the order of the declarations.
     fn map(&mut self, f: &mut impl FnMut(f64) -> f64);
+    /// Whether every value has the same bits; NaN is the same as NaN.
+    fn same(&self, other: &Self) -> bool;
 
     /// The declarations.
     fn declare() -> Vec<Variable> {
@@ -228,6 +230,8 @@ pub trait Field: Copy {
     fn read(flat: &[f64]) -> Self;
     /// Replaces every number by what `f` makes of it.
     fn map(self, f: &mut impl FnMut(f64) -> f64) -> Self;
+    /// Whether every number has the same bits.
+    fn same(self, other: Self) -> bool;
 }
 
 /// A single value that can stand in a declaration.
@@ -257,6 +261,9 @@ impl<V: Value> Field for V {
     }
     fn map(self, f: &mut impl FnMut(f64) -> f64) -> Self {
         Self::from_number(f(self.to_number()))
+    }
+    fn same(self, other: Self) -> bool {
+        self.to_number().to_bits() == other.to_number().to_bits()
     }
 }
 
@@ -302,6 +309,9 @@ impl Field for Estimate {
     }
     fn map(self, f: &mut impl FnMut(f64) -> f64) -> Self {
         Self { value: f(self.value), std: f(self.std) }
+    }
+    fn same(self, other: Self) -> bool {
+        Field::same(self.value, other.value) && Field::same(self.std, other.std)
     }
 }
 
@@ -450,6 +460,10 @@ macro_rules! variables {
             fn map(&mut self, f: &mut impl FnMut(f64) -> f64) {
                 $($crate::variables!(@map f, self.$field, $type $(, $unit)?);)+
             }
+
+            fn same(&self, other: &Self) -> bool {
+                true $(&& $crate::variables!(@same self.$field, other.$field, $type $(, $unit)?))+
+            }
         }
     };
 
@@ -507,5 +521,11 @@ macro_rules! variables {
     };
     (@map $f:ident, $value:expr, $type:ty, $unit:literal) => {
         $value = $crate::variable::Field::map($value, $f);
+    };
+    (@same $value:expr, $other:expr, $type:ty) => {
+        <$type as $crate::variable::Variables>::same(&$value, &$other)
+    };
+    (@same $value:expr, $other:expr, $type:ty, $unit:literal) => {
+        $crate::variable::Field::same($value, $other)
     };
 }

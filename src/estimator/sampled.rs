@@ -201,6 +201,8 @@ pub struct Sampled<M: Machine> {
     sample_period: f64,
     longest_gap: f64,
     channels: Vec<Channel>,
+    /// The inputs of the last sample, as given and screened, for the outputs; none after [`restore`](Estimator::restore).
+    taken: Option<[M::Inputs; 2]>,
     state: State<M::State>,
 }
 
@@ -216,17 +218,16 @@ impl<M: Machine> Sampled<M> {
         &self.machine
     }
 
-    /// The inputs without what is no sample, and what was wrong with them. `remember` is given the slot of an input
+    /// Takes out of the inputs what is no sample; what was wrong with them. `remember` is given the slot of an input
     /// with its value, if that is valid, and returns its last valid value.
     fn screen(
         channels: &[Channel],
-        inputs: &M::Inputs,
+        inputs: &mut M::Inputs,
         mut remember: impl FnMut(usize, Option<f64>) -> Option<f64>,
-    ) -> (M::Inputs, Status) {
+    ) -> Status {
         let (mut status, mut measured) = (Status::OK, false);
-        let mut screened = inputs.clone();
         let mut channels = channels.iter();
-        screened.map(&mut |value| {
+        inputs.map(&mut |value| {
             let Some(channel) = channels.next() else { return value };
             if !channel.used {
                 status.raise_if(value.is_infinite(), Status::INFINITE);
@@ -241,7 +242,15 @@ impl<M: Machine> Sampled<M> {
             value
         });
         status.raise_if(!measured, Status::NO_MEASUREMENT);
-        (screened, status)
+        status
+    }
+
+    /// Inputs that are not those of the last sample, without what is no sample.
+    #[cold]
+    fn screened(&self, inputs: &M::Inputs) -> M::Inputs {
+        let mut screened = inputs.clone();
+        Self::screen(&self.channels, &mut screened, |slot, value| value.or(self.state.last[slot]));
+        screened
     }
 }
 
@@ -287,7 +296,7 @@ impl<M: Machine> Estimator for Sampled<M> {
             diagnostics: Diagnostics::default(),
         };
         let Rules { sample_period, longest_gap, .. } = rules;
-        Ok(Self { machine, sample_period, longest_gap, channels, state })
+        Ok(Self { machine, sample_period, longest_gap, channels, taken: None, state })
     }
 
     fn sample_period(&self) -> f64 {
@@ -298,8 +307,11 @@ impl<M: Machine> Estimator for Sampled<M> {
         if self.state.started && !(dt > 0.0 && dt.is_finite()) {
             return Status::BAD_STEP | Status::SKIPPED;
         }
+        let [given, screened] = self.taken.get_or_insert_with(Default::default);
+        given.clone_from(inputs);
+        screened.clone_from(inputs);
         let last = &mut self.state.last;
-        let (screened, mut status) = Self::screen(&self.channels, inputs, |slot, value| {
+        let mut status = Self::screen(&self.channels, screened, |slot, value| {
             last[slot] = value.or(last[slot]);
             last[slot]
         });
@@ -308,7 +320,7 @@ impl<M: Machine> Estimator for Sampled<M> {
             true if dt > self.longest_gap => Elapsed::Gap(dt),
             true => Elapsed::Step(dt),
         };
-        let outcome = self.machine.sample(&mut self.state.machine, &screened, status, elapsed);
+        let outcome = self.machine.sample(&mut self.state.machine, screened, status, elapsed);
         status |= outcome.status;
         status.raise_if(matches!(elapsed, Elapsed::Gap(_)), Status::BAD_STEP | Status::RESTARTED);
 
@@ -334,8 +346,15 @@ impl<M: Machine> Estimator for Sampled<M> {
         let state = &self.state;
         // NaN is no horizon either.
         let horizon = if state.started && horizon > 0.0 { horizon.min(self.longest_gap) } else { 0.0 };
-        let (screened, _) = Self::screen(&self.channels, inputs, |slot, value| value.or(state.last[slot]));
-        self.machine.estimates(&state.machine, &screened, horizon, outputs);
+        let others;
+        let screened = match &self.taken {
+            Some([given, screened]) if inputs.same(given) => screened,
+            _ => {
+                others = self.screened(inputs);
+                &others
+            }
+        };
+        self.machine.estimates(&state.machine, screened, horizon, outputs);
         let disturbed = Status::RESTARTED | Status::RECOVERED | Status::BAD_STEP | Status::SKIPPED;
         let healthy = state.started
             && state.silent <= LONGEST_SILENCE
@@ -358,6 +377,7 @@ impl<M: Machine> Estimator for Sampled<M> {
         }
         self.machine.check(&state.machine)?;
         self.state.clone_from(state);
+        self.taken = None;
         Ok(())
     }
 }

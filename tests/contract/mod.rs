@@ -242,6 +242,24 @@ for_all! {
 }
 
 for_all! {
+    /// Whatever an estimator keeps of the inputs of its last sample, one that was restored keeps nothing.
+    fn outputs_follow_from_the_state_and_the_inputs_alone<E>() {
+        let (one, declared) = (warm::<E>(60), E::Inputs::declare());
+        let dt = one.sample_period();
+        let last = wave::<E::Inputs>(&declared, 59);
+        let every = [f64::NAN, f64::INFINITY, 1e300, 0.0].into_iter();
+        let others = every.flat_map(|value| (0..E::Inputs::COUNT).map(move |index| (index, value)));
+        for inputs in [last.clone(), wave(&declared, 90)].into_iter().chain(others.map(|(i, x)| set(&last, i, x))) {
+            let mut other = warm::<E>(61);
+            other.restore(one.state()).unwrap();
+            for horizon in [0.0, 0.5 * dt] {
+                assert_eq!(outputs(&one, &inputs, horizon), outputs(&other, &inputs, horizon), "{}", E::NAME);
+            }
+        }
+    }
+}
+
+for_all! {
     fn a_restored_state_repeats_the_bytes<E>() {
         let declared = E::Inputs::declare();
         for count in [0, 1, 7, 60] {

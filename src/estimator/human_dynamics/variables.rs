@@ -178,7 +178,38 @@ impl Variables for Inputs {
     }
 
     fn write(&self, flat: &mut [f64]) {
-        let groups: [&[f64]; 9] = [
+        let mut rest = flat;
+        for group in self.groups() {
+            let (head, tail) = rest.split_at_mut(group.len());
+            head.copy_from_slice(group);
+            rest = tail;
+        }
+    }
+
+    fn read(&mut self, flat: &[f64]) {
+        let mut rest = flat;
+        for group in self.groups_mut() {
+            let (head, tail) = rest.split_at(group.len());
+            group.copy_from_slice(head);
+            rest = tail;
+        }
+    }
+
+    fn map(&mut self, f: &mut impl FnMut(f64) -> f64) {
+        self.groups_mut().into_iter().flatten().for_each(|value| *value = f(*value));
+    }
+
+    fn same(&self, other: &Self) -> bool {
+        // A whole group at once, which the processor does several numbers at a time.
+        let differs = |a: &[f64], b: &[f64]| a.iter().zip(b).fold(0, |all, (a, b)| all | (a.to_bits() ^ b.to_bits()));
+        self.groups().into_iter().zip(other.groups()).all(|(mine, other)| differs(mine, other) == 0)
+    }
+}
+
+impl Inputs {
+    /// The values in the order of their declarations.
+    fn groups(&self) -> [&[f64]; 9] {
+        [
             &self.q,
             &self.qd,
             &self.qdd,
@@ -188,12 +219,11 @@ impl Variables for Inputs {
             &self.seat,
             self.imu.as_flattened(),
             self.contact.as_flattened(),
-        ];
-        put(flat, &groups);
+        ]
     }
 
-    fn read(&mut self, flat: &[f64]) {
-        let mut groups: [&mut [f64]; 9] = [
+    fn groups_mut(&mut self) -> [&mut [f64]; 9] {
+        [
             &mut self.q,
             &mut self.qd,
             &mut self.qdd,
@@ -203,27 +233,7 @@ impl Variables for Inputs {
             &mut self.seat,
             self.imu.as_flattened_mut(),
             self.contact.as_flattened_mut(),
-        ];
-        take(flat, &mut groups);
-    }
-
-    fn map(&mut self, f: &mut impl FnMut(f64) -> f64) {
-        let mut flat = [0.0; Self::COUNT];
-        self.write(&mut flat);
-        flat.iter_mut().for_each(|value| *value = f(*value));
-        self.read(&flat);
-    }
-}
-
-fn put(flat: &mut [f64], groups: &[&[f64]]) {
-    for (slot, value) in flat.iter_mut().zip(groups.iter().flat_map(|group| group.iter())) {
-        *slot = *value;
-    }
-}
-
-fn take(flat: &[f64], groups: &mut [&mut [f64]]) {
-    for (value, slot) in flat.iter().zip(groups.iter_mut().flat_map(|group| group.iter_mut())) {
-        *slot = *value;
+        ]
     }
 }
 
@@ -322,5 +332,14 @@ impl Variables for Outputs {
         self.write(&mut flat);
         flat.iter_mut().for_each(|value| *value = f(*value));
         self.read(&flat);
+    }
+
+    fn same(&self, other: &Self) -> bool {
+        let flat = |values: &Self| {
+            let mut flat = [0.0; Self::COUNT];
+            values.write(&mut flat);
+            flat.map(f64::to_bits)
+        };
+        flat(self) == flat(other)
     }
 }
