@@ -99,13 +99,13 @@ pub fn correct<const N: usize, const M: usize>(
         add_scaled(&mut change, &gain, innovation);
         // (I - k h) P (I - k h)^T + r k k^T, factor by factor: A P with A = I - k h is P - k (P h^T)^T, and
         // (A P) A^T + r k k^T = A P + (r k - A P h^T) k^T.
-        for (column, cross) in p.data.0.iter_mut().zip(cross) {
+        for (column, cross) in p.data.0.iter_mut().zip(&cross) {
             add_scaled(column, &gain, -cross);
         }
         let mut rest = combination(&p, h).map(|value| -value);
         add_scaled(&mut rest, &gain, noise);
-        for (column, gain) in p.data.0.iter_mut().zip(gain) {
-            add_scaled(column, &rest, gain);
+        for (column, gain) in p.data.0.iter_mut().zip(&gain) {
+            add_scaled(column, &rest, *gain);
         }
         outcome.count(row, innovation / variance.sqrt(), variance, &mut determinant);
     }

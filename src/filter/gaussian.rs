@@ -43,16 +43,16 @@ impl<const N: usize> Gaussian<N> {
         self.covariance[(index, index)] += variance;
     }
 
-    /// Whether all numbers are finite, their sum far from overflow, and no variance is negative.
+    /// Whether all numbers are finite, their sums far from overflow, and no variance is negative.
     pub fn is_valid(&self) -> bool {
-        // Row by row, so that the processor adds several numbers at once.
-        let mut sums = self.mean.abs();
+        // Row by row in plain arrays, so that the processor adds several numbers at once.
+        let mut sums = self.mean.data.0[0].map(f64::abs);
         for column in &self.covariance.data.0 {
-            for (sum, value) in sums.iter_mut().zip(column) {
-                *sum += value.abs();
+            for i in 0..N {
+                sums[i] += column[i].abs();
             }
         }
-        bounded(sums.sum()) && (0..N).all(|i| self.covariance[(i, i)] >= 0.0)
+        sums.iter().fold(true, |all, sum| all & bounded(*sum)) && (0..N).all(|i| self.covariance[(i, i)] >= 0.0)
     }
 }
 

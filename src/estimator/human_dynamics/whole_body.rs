@@ -48,6 +48,8 @@ pub struct WholeBody {
     right: Vec<f64>,
     present: Vec<bool>,
     precision: Vec<f64>,
+    /// `sum ln` of the precisions.
+    log_precision: f64,
     prior_mean: Vec<f64>,
     /// Where each sensor's samples start in the samples of a step.
     sample_start: Vec<usize>,
@@ -103,6 +105,7 @@ impl WholeBody {
             right: vec![0.0; full_weight.len()],
             present: vec![true; full_weight.len()],
             prior_mean: vec![variances.mean; precision.len()],
+            log_precision: sum_of_logarithms(precision.iter().copied()),
             full_weight,
             precision,
             sample_start,
@@ -252,7 +255,7 @@ impl WholeBody {
         if !determinant.is_finite() {
             return 0.0;
         }
-        let known = sum_of_logarithms(weights()) + sum_of_logarithms(self.precision.iter().copied());
+        let known = sum_of_logarithms(weights()) + self.log_precision;
         -0.5 * (self.objective() + determinant - known + weights().count() as f64 * TAU.ln())
     }
 

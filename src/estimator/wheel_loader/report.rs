@@ -12,8 +12,9 @@ impl LoaderMachine {
     pub(super) fn conditions(&self, state: &State) -> Status {
         let (map, belief) = (&self.filter.map, &state.belief);
         let unknowns = map.unknowns_of(&belief.mean);
+        let height_std = self.uncertainty.std(1, map, belief, &unknowns);
         let mut status = Status::OK;
-        status.raise_if(!self.uncertainty.height_is_observable(map, belief, &unknowns), Status::UNOBSERVABLE);
+        status.raise_if(!self.uncertainty.height_is_observable(height_std), Status::UNOBSERVABLE);
         status.raise_if(map.at_bound(&unknowns), Status::AT_BOUND);
         status.raise_if(state.supervision.holds(), Status::HOLD);
         status.raise_if(state.evidence.contradicts(), Status::SLIP | Status::CONTRADICTED);
@@ -46,7 +47,7 @@ impl LoaderMachine {
         let standing = !state.motion_known || (held && motion[0].abs() < self.hold.resume_speed);
         out.load_ratio = self.load_ratio(state, &machine, &motion, &unknowns, &drive, standing);
         out.hold = held;
-        out.cg_height_observable = self.uncertainty.height_is_observable(map, belief, &unknowns);
+        out.cg_height_observable = self.uncertainty.height_is_observable(out.cg_height.std);
         out.slip_inconsistent = state.evidence.contradicts();
     }
 
@@ -78,7 +79,7 @@ impl LoaderMachine {
         for i in 0..3 {
             gradient[3 + i] *= derivative[i];
         }
-        let model = by_ratio * by_ratio * self.uncertainty.model_variance(2, map, &state.belief, unknowns);
+        let model = by_ratio * by_ratio * self.uncertainty.model_variance(2, map, state.belief.std(5), unknowns);
         let std = (state.belief.variance_along(&gradient) + model).sqrt() / total;
         Estimate::new((front / total).clamp(0.0, 1.0), std)
     }

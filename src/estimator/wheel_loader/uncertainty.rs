@@ -32,18 +32,19 @@ impl Uncertainty {
     pub fn std(&self, i: usize, map: &Map, belief: &Belief, unknowns: &Unknowns) -> f64 {
         let (derivative, std) = (map.derivative_of(i, unknowns[i]), belief.std(3 + i));
         let by_filter = derivative * derivative * (std * std);
-        let std = (by_filter + self.model_variance(i, map, belief, unknowns)).sqrt();
+        let std = (by_filter + self.model_variance(i, map, std, unknowns)).sqrt();
         if map.at_end(i, unknowns[i]) { std.max(self.initial_std[i]) } else { std }
     }
 
-    /// Whether the data have at least halved the height's standard deviation.
-    pub fn height_is_observable(&self, map: &Map, belief: &Belief, unknowns: &Unknowns) -> bool {
-        self.std(1, map, belief, unknowns) < 0.5 * self.initial_std[1]
+    /// Whether the data have at least halved the height's standard deviation, which is `std` now.
+    pub fn height_is_observable(&self, std: f64) -> bool {
+        std < 0.5 * self.initial_std[1]
     }
 
-    /// Variance that the model's simplifications add, as far as the data and not the initial values made the estimate.
-    pub fn model_variance(&self, i: usize, map: &Map, belief: &Belief, unknowns: &Unknowns) -> f64 {
-        let left = belief.std(3 + i) / self.initial_theta_std[i];
+    /// Variance that the model's simplifications add, as far as the data and not the initial values made the estimate,
+    /// which the filter knows to within `theta_std` in its coordinates.
+    pub fn model_variance(&self, i: usize, map: &Map, theta_std: f64, unknowns: &Unknowns) -> f64 {
+        let left = theta_std / self.initial_theta_std[i];
         let model = self.model_std(i, map, unknowns);
         (1.0 - left * left).max(0.0) * model * model
     }
