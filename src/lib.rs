@@ -33,7 +33,9 @@
 //!    [`visit_all`](estimator::visit_all). It is an FMU now, and `tests/contract` tries on it what all promise.
 //! 3. `src/plant/NAME`: a richer machine to test with, its equations written anew.
 //! 4. `identify/src/vehicles/NAME`: its regression, scenarios and record; one line in `vehicles::ALL`.
-//! 5. `fmu/assets/pictures/NAME.png`: the picture of its documentation page.
+//! 5. The page of `src/estimator/NAME/mod.rs`, with the headings of the others: with the pages that it links to it is the
+//!    documentation of the FMU as well. `fmu/assets/pictures/NAME.png`: the picture that tools show.
+//! 6. `examples/NAME.rs` and `examples/NAME.py`.
 //!
 //! # Decisions and their reasons
 //!

@@ -11,6 +11,7 @@ mod contract;
 mod import;
 mod library;
 mod no_allocation;
+mod pages;
 mod random_calls;
 mod sampling;
 mod state;

@@ -26,7 +26,7 @@
 //!
 //! | cause | force error |
 //! |---|---|
-//! | lag on a ramp, `lambda = 0` | at most `max|F'| / kappa`; in general `(F_hat' - F_bar')/kappa` |
+//! | lag on a ramp, `lambda = 0` | at most `max abs(F') / kappa`; in general `(F_hat' - F_bar')/kappa` |
 //! | white speed noise | `(J/R) kappa sigma_w sqrt(2/(2 - kappa dt))` |
 //! | white torque noise | `sigma_T/R sqrt(kappa dt/(2 - kappa dt))` |
 //! | torque bias `b` | `b/R`, not observable |

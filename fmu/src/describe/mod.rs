@@ -4,10 +4,12 @@
 //! between a number and NaN would lose the sample after every gap.
 
 pub mod guid;
+pub mod guide;
 pub mod markdown;
 pub mod page;
 pub mod quantity;
 pub mod schema;
+pub mod signals;
 pub mod start_values;
 pub mod terminals;
 

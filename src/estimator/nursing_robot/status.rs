@@ -15,7 +15,7 @@ crate::code! {
         Rejected = 4, "rejected";
         /// A sample was missing, or there was a gap before it.
         Bad = 5, "bad";
-        /// Held for a while after `rejected` or `bad`.
+        /// Held for a while after rejected or bad.
         Blocked = 6, "blocked";
     }
 }
