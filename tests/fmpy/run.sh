@@ -7,8 +7,8 @@ cd "$here/../.."
 
 source "$here/environment.sh"
 .venv/bin/pip install --quiet --disable-pip-version-check -r "$here/requirements.txt"
-# The example makes Cargo choose the features as for tests.
-cargo build --quiet "${workspace[@]}" --lib --bins --example native
+# The examples make Cargo choose the features as for tests.
+cargo build --quiet "${workspace[@]}" --lib --bins --examples
 
 target=$(cargo metadata --format-version 1 --no-deps | .venv/bin/python -c 'import json,sys; print(json.load(sys.stdin)["target_directory"])')
 fmus=$(mktemp -d)
