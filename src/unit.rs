@@ -49,6 +49,13 @@ pub fn display(unit: &str) -> Option<(&'static str, f64)> {
 
 /// Reads a product of powers. `.` multiplies, `/` divides by the one factor after it, a number after
 /// a factor is its power. `None` for what is not built of known symbols with whole powers.
+///
+/// ```
+/// use wheelstate::unit;
+///
+/// assert_eq!(unit::parse("N.m.s/rad"), unit::parse("J.s/rad"));
+/// assert!(unit::parse("furlong").is_none());
+/// ```
 pub fn parse(text: &str) -> Option<Unit> {
     let (unit, rest) = product(text)?;
     rest.is_empty().then_some(unit)

@@ -63,6 +63,20 @@ impl Vehicle {
     }
 
     /// Fits its parameters to logs, see [`problem::fit`].
+    ///
+    /// ```
+    /// use wheelstate_identify::problem::FitRequest;
+    /// use wheelstate_identify::progress::Progress;
+    /// use wheelstate_identify::simulate::Request;
+    /// use wheelstate_identify::vehicles;
+    ///
+    /// let chair = vehicles::ALL.iter().find(|vehicle| vehicle.name == "wheelchair").expect("it is one of them");
+    /// let log = chair.simulate(&Request { scenario: "identification".into(), seed: 1, ..Request::default() })?;
+    /// let report = chair.fit(std::slice::from_ref(&log), &FitRequest::default(), &Progress::none())?;
+    /// let (mass, truth) = (&report.parameters["chair.mass"], log.require("true_chair.mass")?[0]);
+    /// assert!(mass.identified && (mass.value - truth).abs() < 3.0 * mass.std_error);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn fit(&self, logs: &[Log], request: &FitRequest, progress: &Progress) -> Result<FitReport, FitError> {
         problem::fit(&self.problem, self.name, self.parameters(), logs, request, progress)
     }

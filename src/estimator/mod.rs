@@ -19,6 +19,33 @@ use crate::{ParameterError, Status, Variables};
 use serde::{Serialize, de::DeserializeOwned};
 
 /// An online estimator of one machine. Hosts move it between threads.
+/// A host needs nothing else, whatever the machine:
+///
+/// ```
+/// use wheelstate::estimator::wheelchair::Wheelchair;
+/// use wheelstate::{Estimator, Variables};
+///
+/// /// Runs any estimator over samples of its inputs, in the order of their declaration; NaN is a missing sample.
+/// fn run<E: Estimator>(samples: &[Vec<f64>]) -> Result<E::Outputs, Box<dyn std::error::Error>> {
+///     let mut estimator = E::new(&E::Parameters::default())?;
+///     let (mut inputs, mut estimates) = (E::Inputs::default(), E::Outputs::default());
+///     for sample in samples {
+///         inputs.read(sample);
+///         let before = estimator.state().clone();
+///         let status = estimator.step(&inputs, estimator.sample_period());
+///         // the same state and the same sample give the same
+///         estimator.restore(&before)?;
+///         assert_eq!(estimator.step(&inputs, estimator.sample_period()), status);
+///     }
+///     estimator.outputs(&inputs, 0.0, &mut estimates);
+///     Ok(estimates)
+/// }
+///
+/// // nothing was ever measured: every estimate is a number, and not healthy
+/// let estimates = run::<Wheelchair>(&vec![vec![f64::NAN; 8]; 10])?;
+/// assert!(estimates.to_vec().iter().all(|value| value.is_finite()) && !estimates.diagnostics.healthy);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Estimator: Clone + Send {
     /// Name in camel case, also the FMU's model identifier.
     const NAME: &'static str;

@@ -160,6 +160,20 @@ impl Log {
     /// With one, the mapped channels come first and columns that the map does not use follow under
     /// their own names, as far as they are numeric.
     /// Infinite samples become missing ones.
+    ///
+    /// ```
+    /// use wheelstate_log::progress::Progress;
+    /// use wheelstate_log::{ColumnMap, Log};
+    ///
+    /// let path = std::env::temp_dir().join(format!("wheelstate-{}.csv", std::process::id()));
+    /// std::fs::write(&path, "t;v [km/h]\n0;3,6\n0,01;\n0,02;7,2\n")?;
+    /// let map = ColumnMap::parse("map.toml", "time = 't'\nspeed = 'v'")?;
+    /// let log = Log::read(&path, Some(&map), &Progress::none())?;
+    /// let speed = log.require("speed")?; // m/s; the empty cell is a missing sample
+    /// assert!(log.time == [0.0, 0.01, 0.02] && speed[0] == 1.0 && speed[1].is_nan() && speed[2] == 2.0);
+    /// # std::fs::remove_file(path)?;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn read(path: &Path, map: Option<&ColumnMap>, progress: &Progress) -> Result<Self, LogError> {
         let mut log = Self::read_verbatim(path, map, progress)?;
         log.drop_infinite();

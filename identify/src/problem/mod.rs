@@ -5,10 +5,23 @@
 //! A [`Problem`] is two functions and two lists. `estimate` reads a [`Task`] (logs, known parameters,
 //! which parameters are wanted) and works with a [`Session`]:
 //!
-//! ```ignore
+//! ```
+//! use wheelstate::Variables;
+//! use wheelstate::estimator::wheelchair::Parameters;
+//! use wheelstate_identify::log::{Channel, Log};
+//! use wheelstate_identify::problem::{FitError, FitRequest, Problem, Session, Target, Task, fit};
+//! use wheelstate_identify::progress::Progress;
+//! use wheelstate_identify::solve::{Affine, Constraint, Regression, Rows, Unknown};
+//!
 //! fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
 //!     let mut rows = Rows::new("force", "N", 2);
-//!     // ... one rows.push(&[.., ..], rhs, window / 4) per window; rows with NaN drop out ...
+//!     for log in task.logs {
+//!         let (force, speed, acceleration) = (log.require("force")?, log.require("speed")?, log.require("acceleration")?);
+//!         for k in 0..log.len() {
+//!             // rows with NaN drop out; four neighbours count as one in the covariance
+//!             rows.push(&[acceleration[k], speed[k]], force[k], k as u32 / 4);
+//!         }
+//!     }
 //!     let regression = Regression {
 //!         name: "force balance".into(),
 //!         unknowns: vec![Unknown::within("M", 0.0, 500.0), Unknown::within("D", 0.0, 100.0)],
@@ -22,6 +35,28 @@
 //!     }
 //!     Ok(())
 //! }
+//!
+//! let problem = Problem {
+//!     targets: |_| ["chair.mass", "chair.drag"].map(|name| Target::declared(&Parameters::declare(), name, true)).into(),
+//!     estimate,
+//!     validate: |_| Vec::new(),
+//! };
+//! // 90 kg and 15 N s/m, with 1 N of noise
+//! let time: Vec<f64> = (0..1000).map(|k| 0.01 * f64::from(k)).collect();
+//! let channel = |name: &str, f: &dyn Fn(f64) -> f64| Channel { name: name.into(), values: time.iter().map(|t| f(*t)).collect() };
+//! let log = Log {
+//!     channels: vec![
+//!         channel("speed", &|t| t.sin()),
+//!         channel("acceleration", &|t| t.cos()),
+//!         channel("force", &|t| 90.0 * t.cos() + 15.0 * t.sin() + (1e4 * t).sin()),
+//!     ],
+//!     time: time.clone(),
+//!     ..Log::default()
+//! };
+//! let report = fit(&problem, "chair", Parameters::declare(), &[log], &FitRequest::default(), &Progress::none())?;
+//! let mass = &report.parameters["chair.mass"];
+//! assert!(mass.identified && (mass.value - 90.0).abs() < 0.5);
+//! # Ok::<(), FitError>(())
 //! ```
 //!
 //! Stages that build on each other (radius, then friction, then centre of gravity) are simply written

@@ -70,6 +70,26 @@ use variables::{DOF, GROUPS, JOINTS};
 use whole_body::{Posture, WholeBody};
 
 /// The estimator; see the [module](self).
+/// ```
+/// use wheelstate::estimator::human_dynamics::{HumanDynamics, Inputs, Outputs, Parameters};
+/// use wheelstate::{Estimator, Variables};
+///
+/// let mut parameters = Parameters::default();
+/// parameters.body.mass = 80.0;
+/// parameters.r#use.hand_wrench = true;
+/// parameters.r#use.foot_wrench = true;
+/// let mut estimator = HumanDynamics::new(&parameters)?;
+/// // upright at rest, nothing touches hands and feet
+/// let mut inputs = Inputs::default();
+/// inputs.map(&mut |_| 0.0);
+/// inputs.base_accel = [0.0, 0.0, 9.80665];
+/// estimator.step(&inputs, 0.01);
+/// let mut estimates = Outputs::default();
+/// estimator.outputs(&inputs, 0.0, &mut estimates);
+/// let seat = estimates.seat_wrench[2]; // force along z, N: the seat carries the whole weight
+/// assert!((seat.value - 80.0 * 9.80665).abs() < 3.0 * seat.std && seat.std < 10.0);
+/// # Ok::<(), wheelstate::ParameterError>(())
+/// ```
 pub type HumanDynamics = Sampled<SeatedBody>;
 
 /// Everything that a step changes: the last estimates, and positions to differentiate.

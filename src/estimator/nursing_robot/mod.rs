@@ -70,6 +70,28 @@ use serde::{Deserialize, Serialize};
 use sway::{SwayEstimate, SwayEstimator, SwaySample, SwayState};
 
 /// The estimator; see the [module](self).
+/// ```
+/// use wheelstate::Estimator;
+/// use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Outputs, Parameters};
+///
+/// let mut parameters = Parameters::default();
+/// parameters.human.swaying_fraction = 0.0; // a load that does not sway
+/// let mut estimator = NursingRobot::new(&parameters)?;
+/// // 160 kg of robot and 50 kg of load accelerate with 0.5 m/s2 for four seconds
+/// let (mass, acceleration, rolling) = (210.0, 0.5, 0.015 * 210.0 * 9.81);
+/// let mut inputs = Inputs::default();
+/// for k in 0..400 {
+///     let speed = acceleration * 0.01 * f64::from(k);
+///     let resistance = rolling * (speed / parameters.rolling.smoothing_speed).tanh();
+///     let torque = 0.5 * parameters.robot.wheel_radius * (mass * acceleration + resistance);
+///     inputs = Inputs { torque_left: torque, torque_right: torque, speed, ..Inputs::default() };
+///     estimator.step(&inputs, 0.01);
+/// }
+/// let mut estimates = Outputs::default();
+/// estimator.outputs(&inputs, 0.0, &mut estimates);
+/// assert!((estimates.load_mass.value - 50.0).abs() < 2.0 * estimates.load_mass.std);
+/// # Ok::<(), wheelstate::ParameterError>(())
+/// ```
 pub type NursingRobot = Sampled<NursingMachine>;
 
 /// Everything that a step changes.

@@ -76,6 +76,42 @@ use uncertainty::Uncertainty;
 const LONGEST_GAP: f64 = 0.5;
 
 /// The estimator; see the [module](self).
+/// ```
+/// use wheelstate::Estimator;
+/// use wheelstate::estimator::wheel_loader::{Inputs, Outputs, Parameters, WheelLoader};
+/// use wheelstate::plant::road::Road;
+/// use wheelstate::plant::wheel_loader::{Action, Machine, Plant};
+///
+/// // a machine that is unlike the estimator's model in its tyres and suspension pulls for three seconds
+/// let mut plant = Plant::new(Machine::default(), Road::flat(), 2.0);
+/// let mut estimator = WheelLoader::new(&Parameters::default())?;
+/// let mut inputs = Inputs::default();
+/// for _ in 0..300 {
+///     let [wheel_speed_front, wheel_speed_rear] = plant.wheel_speeds();
+///     inputs = Inputs {
+///         torque_front: 1500.0,
+///         torque_rear: 1500.0,
+///         brake_front: 0.0,
+///         brake_rear: 0.0,
+///         slope: 0.0,
+///         spading_force_x: 0.0,
+///         spading_force_z: 0.0,
+///         speed: plant.speed(),
+///         wheel_speed_front,
+///         wheel_speed_rear,
+///     };
+///     estimator.step(&inputs, 0.01);
+///     for _ in 0..10 {
+///         plant.advance(&Action { torque: [1500.0; 2], ..Action::default() }, 1e-3);
+///     }
+/// }
+/// let mut estimates = Outputs::default();
+/// estimator.outputs(&inputs, 0.0, &mut estimates);
+/// let [to_front, to_rear] = plant.machine.to_axle;
+/// let ratio = to_rear / (to_front + to_rear);
+/// assert!((estimates.cg_ratio.value - ratio).abs() < 3.0 * estimates.cg_ratio.std);
+/// # Ok::<(), wheelstate::ParameterError>(())
+/// ```
 pub type WheelLoader = Sampled<LoaderMachine>;
 
 /// Everything that a step changes.

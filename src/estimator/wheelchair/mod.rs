@@ -79,6 +79,33 @@ use std::f64::consts::FRAC_PI_2;
 use wheels::Wheels;
 
 /// The estimator; see the [module](self).
+/// ```
+/// use wheelstate::Estimator;
+/// use wheelstate::estimator::wheelchair::{Inputs, Outputs, Parameters, Wheelchair};
+///
+/// let mut parameters = Parameters::default();
+/// parameters.initial.heading = std::f64::consts::FRAC_PI_2;
+/// let mut estimator = Wheelchair::new(&parameters)?;
+/// // one second at rest, the nose up by 50 mrad; no wheel encoders: what is not set is missing
+/// let g = 9.80665;
+/// let (sin, cos) = 0.05_f64.sin_cos();
+/// let inputs = Inputs {
+///     gyro_pitch: 0.0,
+///     accel_x: g * sin,
+///     accel_y: 0.0,
+///     accel_z: g * cos,
+///     drive_force: 100.0 * g * sin, // somebody holds the chair
+///     drive_moment: 0.0,
+///     ..Inputs::default()
+/// };
+/// for _ in 0..100 {
+///     estimator.step(&inputs, 0.01);
+/// }
+/// let mut estimates = Outputs::default();
+/// estimator.outputs(&inputs, 0.0, &mut estimates);
+/// assert!((estimates.slope.value - 0.05).abs() < 3.0 * estimates.slope.std);
+/// # Ok::<(), wheelstate::ParameterError>(())
+/// ```
 pub type Wheelchair = Sampled<ChairMachine>;
 
 /// What the filter knows of the chair, in the form of its kind.

@@ -75,6 +75,34 @@ use speed_knowledge::{Evidence, SpeedKnowledge};
 use wheel_speed::WheelSpeed;
 
 /// The estimator; see the [module](self).
+/// ```
+/// use wheelstate::Estimator;
+/// use wheelstate::estimator::wheeled_robot::{Inputs, Outputs, Parameters, WheeledRobot};
+///
+/// let parameters = Parameters::default();
+/// let mut estimator = WheeledRobot::new(&parameters)?;
+/// // one second straight on at 3 m/s
+/// let wheel = 3.0 / parameters.wheel.radius;
+/// let inputs = Inputs {
+///     steering_angle: 0.0,
+///     wheel_speed_fl: wheel,
+///     wheel_speed_fr: wheel,
+///     wheel_speed_rl: wheel,
+///     wheel_speed_rr: wheel,
+///     accel_x: 0.0,
+///     accel_y: 0.0,
+///     gyro_z: 0.0,
+///     ..Inputs::default() // no torque, no reference speed
+/// };
+/// for _ in 0..100 {
+///     estimator.step(&inputs, 0.01);
+/// }
+/// let mut estimates = Outputs::default();
+/// estimator.outputs(&inputs, 0.0, &mut estimates);
+/// assert!((estimates.speed_x.value - 3.0).abs() < 2.0 * estimates.speed_x.std);
+/// assert!(estimates.sideslip.value.abs() < 2.0 * estimates.sideslip.std);
+/// # Ok::<(), wheelstate::ParameterError>(())
+/// ```
 pub type WheeledRobot = Sampled<RobotMachine>;
 
 /// Longest gap that is predicted through, s.

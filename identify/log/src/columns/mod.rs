@@ -181,6 +181,17 @@ impl ColumnMap {
     }
 
     /// Parses a map; `file` is named in errors, and relative paths start at the working directory.
+    ///
+    /// ```
+    /// use wheelstate_log::{ColumnMap, Log};
+    ///
+    /// let map = ColumnMap::parse("map.toml", "speed = { column = 'v_kmh', unit = 'km/h', missing_if = 'v_kmh > 300' }")?;
+    /// let log = Log::from_csv("log.csv", "time,v_kmh\n0,36\n1,999\n".as_bytes(), Some(&map))?;
+    /// let speed = log.require("speed")?;
+    /// assert!(speed[0] == 10.0 && speed[1].is_nan());
+    /// assert!(ColumnMap::parse("map.toml", "speed = 1").unwrap_err().to_string().starts_with("map.toml"));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn parse(file: &str, text: &str) -> Result<Self, MapError> {
         let table: Table = toml::from_str(text).map_err(|e: toml::de::Error| {
             let line = e.span().map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count());
