@@ -25,9 +25,9 @@ Exit codes:
   1  done with warnings (a parameter is not identifiable or sits at a bound)
   2  refused; one line on stderr says why and no output file is written
 
-Logs are CSV, Parquet, MDF4, MCAP or CAN files (.csv, .csv.gz, .csv.zst, .parquet, .mf4, .mcap, .blf, .asc, .log) with
-a column `time` in s and columns named as the FMU's inputs, in SI units or with units that the file states. --columns reads logs with
-other names and units.
+Logs are CSV, Parquet, MDF4, MCAP or CAN files (.csv, .csv.gz, .csv.zst, .parquet, .mf4, .mcap,
+.blf, .asc, .log) with a column `time` in s and columns named as the FMU's inputs, in SI units or
+with units that the file states. --columns reads logs with other names and units.
 
 Examples:
   identify simulate nursing-robot --scenario identification --seed 1 --out log.csv
@@ -57,7 +57,7 @@ enum Command {
 /// The logs of a command and how to read them.
 #[derive(Debug, Args)]
 struct LogArgs {
-    /// Logs: .csv, .parquet or .mf4.
+    /// Logs: .csv, .parquet, .mf4, .mcap, .blf, .asc or .log.
     #[arg(value_name = "LOG", required = true)]
     logs: Vec<PathBuf>,
     /// Column map for logs with other names, units or missing samples (`identify convert --help` has the grammar);

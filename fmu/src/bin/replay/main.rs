@@ -21,10 +21,12 @@ Examples:
   replay MODEL.fmu trip.csv --columns car.toml --set sample_period=0.1
   replay MODEL.fmu run.mf4 --out result.parquet
 
-Logs are CSV, Parquet or MDF4 (.csv, .parquet, .mf4): a column time in s, the others named as the
-FMU's inputs; empty or nan is a missing sample. The result's format follows its ending, too. Every row's inputs hold from its time to that of the next. The result has the outputs at the
-start and at the end of every row. If the rows of the log are further apart than the FMU's
-sample_period, it is set to their distance, so that no row counts twice; --set overrides this.
+Logs are CSV, Parquet, MDF4, MCAP or CAN files: a column `time` in s, the others named as the FMU's
+inputs; empty or nan is a missing sample. The ending of the result chooses its format: .csv,
+.parquet or .mf4. The inputs of a row hold until the time of the next one. The result has the
+outputs at the start and at the end of every row. If the rows are further apart than the FMU's
+sample_period, sample_period is set to their distance, so that no row counts twice; --set overrides
+this.
 
 Exit codes: 0 done, 2 refused.";
 
@@ -35,7 +37,7 @@ struct Arguments {
     /// The FMU
     #[arg(value_name = "MODEL.FMU")]
     model: PathBuf,
-    /// The log: .csv, .parquet or .mf4
+    /// The log: .csv, .parquet, .mf4, .mcap, .blf, .asc or .log
     #[arg(value_name = "LOG")]
     log: PathBuf,
     /// Column map for logs with other names and units
