@@ -2,7 +2,8 @@
 //!
 //! `min |A theta - y|^2` has the same minimiser as `min |R theta - d|^2` with `[R d]` the triangular
 //! factor of `[A y]`. The condition number is kept, where the normal equations would square it, and
-//! rows can be fed block by block, so memory does not grow with their number.
+//! rows can be fed block by block, so memory does not grow with their number. Written by hand because the factorisations
+//! of nalgebra take a whole matrix: they can neither fold new rows into a factor nor leave the rows above it alone.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -1,4 +1,5 @@
-//! Random numbers of the search: xoshiro256++ seeded by SplitMix64, so that a seed fixes every draw.
+//! Random numbers of the search: xoshiro256++ seeded by SplitMix64, so that a seed fixes every draw. Not the generator
+//! of the simulations, because the reference search draws from this one and is followed number by number.
 
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng as _, SeedableRng};

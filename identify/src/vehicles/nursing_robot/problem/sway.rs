@@ -8,7 +8,9 @@
 //! One Runge-Kutta step per sample, force between two samples their mean, yaw rate held.
 
 use super::rows::{Body, GRAVITY, Signals};
+use nalgebra::Vector3;
 use std::ops::Range;
+use wheelstate::filter::discretise::runge_kutta;
 
 /// Hip and floor.
 #[derive(Clone, Copy, Debug)]
@@ -61,12 +63,8 @@ pub fn simulate(
     for i in range.start + 1..range.end {
         let force = 0.5 * body.efficiency * (signals.force[i - 1] + signals.force[i]);
         let (w, aside) = (signals.yaw_rate[i], aside(i));
-        let ahead = |k: &State, share: f64| [0, 1, 2].map(|j| x[j] + share * h * k[j]);
-        let k1 = rate(body, passive, &x, force, w, aside);
-        let k2 = rate(body, passive, &ahead(&k1, 0.5), force, w, aside);
-        let k3 = rate(body, passive, &ahead(&k2, 0.5), force, w, aside);
-        let k4 = rate(body, passive, &ahead(&k3, 1.0), force, w, aside);
-        x = [0, 1, 2].map(|j| x[j] + h / 6.0 * (k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j]));
+        let derivative = |x: &Vector3<f64>| Vector3::from(rate(body, passive, &(*x).into(), force, w, aside));
+        x = runge_kutta(&Vector3::from(x), h, derivative).into();
         each(i, &x);
     }
 }
