@@ -41,10 +41,22 @@ pub const CRATES: &[Crate] = &[
         except: &[],
         modules: &[
             ("guard", &[]),
+            ("hash", &[]),
             ("progress", &[]),
             ("output", &[]),
-            // The readers and the log that they fill belong together.
-            ("", &["guard", "progress"]),
+            ("between", &[]),
+            ("columns", &["between"]),
+            ("error", &["columns", "progress"]),
+            // What a file holds, whatever its format, and the readers of each.
+            ("recording", &["columns", "error"]),
+            ("csv", READER),
+            ("parquet", READER),
+            ("mf4", READER),
+            ("mcap", READER),
+            ("can", READER),
+            // From recordings to a log on one time base.
+            ("assemble", &["", "between", "columns", "error", "recording"]),
+            ("sampling", &[""]),
         ],
     },
     Crate {
@@ -163,6 +175,9 @@ pub const CRATES: &[Crate] = &[
         ],
     },
 ];
+
+/// What a reader of one format may use: it never sees another one. What it writes is a log.
+const READER: &[&str] = &["", "columns", "error", "guard", "hash", "progress", "recording"];
 
 /// What one machine of `identify` may use.
 const MACHINE: &[&str] =

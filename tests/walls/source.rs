@@ -138,7 +138,8 @@ pub fn paths(tokens: &[Token], module: &[String], crates: &[&str]) -> Vec<Path> 
                 depth += 1;
                 i += 2;
             }
-            "use" => {
+            // Not what a returned `impl` captures, nor a name that is written `r#use`.
+            "use" if text(i + 1) != "<" && before(i) != "#" => {
                 let public = before(i) == "pub";
                 let start = i + 1;
                 while text(i) != ";" && i < tokens.len() {
@@ -254,6 +255,7 @@ use super::neighbour::*;
 const TEXT: &str = "crate::text::in_a_string"; const RAW: &str = r#"crate::raw "quoted""#;
 fn f<'a>(x: &'a str) -> char { let y = crate::inline::call::<u8>(x); '"' }
 mod tests { use super::*; fn g() { super::super::up::h() } }
+fn all() -> impl Iterator<Item = u8> + use<'_> { let r#use = 1; crate::captured::run() }
 fn after() { other::crate_name(); wheelstate::plant::run(); '\'' ; super::last() }
 "##;
     let module = ["own", "parent", "child"].map(str::to_owned);
@@ -268,8 +270,9 @@ fn after() { other::crate_name(); wheelstate::plant::run(); '\'' ; super::last()
         ("own::inline::call", 7),
         ("own::parent::child::*", 8),
         ("own::parent::up::h", 8),
-        ("wheelstate::plant::run", 9),
-        ("own::parent::last", 9),
+        ("own::captured::run", 9),
+        ("wheelstate::plant::run", 10),
+        ("own::parent::last", 10),
     ];
     assert_eq!(found, expected.map(|(path, line)| (path.to_owned(), line)));
 }

@@ -12,6 +12,7 @@ pub mod columns;
 mod csv;
 mod error;
 pub mod guard;
+mod hash;
 #[cfg(feature = "mcap")]
 mod mcap;
 #[cfg(feature = "mf4")]

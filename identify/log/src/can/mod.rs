@@ -88,7 +88,7 @@ pub(super) fn read(
             groups.push(Group { name: message.name.clone(), clock: Clock::Column(0), columns });
         }
     }
-    let sha256 = crate::csv::sha256_of(&bytes);
+    let sha256 = crate::hash::of_bytes(&bytes);
     let own = groups.len();
     let file = File { name: name.clone(), kind, bytes, messages, channel: map.can_channel.clone() };
     Ok(Recording {

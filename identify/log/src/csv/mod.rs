@@ -17,7 +17,6 @@ use cell::Kind;
 use dialect::{Dialect, bare, name_and_unit};
 use rows::{Row, Rows};
 use source::Source;
-pub(super) use source::{sha256, sha256_of};
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::path::Path;

@@ -2,8 +2,8 @@
 
 use crate::LogError;
 use crate::columns::Encoding;
+use crate::hash::Hashed;
 use encoding_rs::{CoderResult, Decoder};
-use sha2::{Digest, Sha256};
 use std::cell::RefCell;
 use std::io::{self, Cursor, Read};
 use std::rc::Rc;
@@ -13,22 +13,6 @@ const SAMPLE: usize = 1 << 16;
 /// A packed file that grows beyond this many bytes and this many times is no log.
 const LARGEST: u64 = 1 << 30;
 const FOLD: u64 = 200;
-
-/// Passes bytes on and remembers their number and SHA-256.
-struct Hashed<R> {
-    from: R,
-    hash: Sha256,
-    count: u64,
-}
-
-impl<R: Read> Read for Hashed<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let count = self.from.read(buffer)?;
-        self.hash.update(&buffer[..count]);
-        self.count += count as u64;
-        Ok(count)
-    }
-}
 
 /// The same reader in two hands: one reads it to pieces, one asks for the hash at the end.
 struct Shared<R>(Rc<RefCell<Hashed<R>>>);
@@ -62,7 +46,7 @@ impl<'a> Source<'a> {
     pub fn open(file: &str, from: impl Read + 'a, encoding: Option<Encoding>) -> Result<Self, LogError> {
         let fail = |e: io::Error| LogError::file(file, unpacking(&e));
         let from: Box<dyn Read + 'a> = Box::new(from);
-        let bytes = Shared(Rc::new(RefCell::new(Hashed { from, hash: Sha256::new(), count: 0 })));
+        let bytes = Shared(Rc::new(RefCell::new(Hashed::new(from))));
         let (start, _) = take(&mut bytes.clone(), 4).map_err(fail)?;
         let packed = Cursor::new(start.clone()).chain(bytes.clone());
         let mut unpacked: Box<dyn Read + 'a> = match start.as_slice() {
@@ -120,8 +104,8 @@ impl<'a> Source<'a> {
     pub fn sha256(self) -> io::Result<String> {
         drop(self.text);
         io::copy(&mut self.bytes.clone(), &mut io::sink())?;
-        let hash = self.bytes.0.borrow().hash.clone().finalize();
-        Ok(hexadecimal(&hash))
+        let hashed = self.bytes.0.borrow();
+        Ok(hashed.sha256())
     }
 }
 
@@ -270,20 +254,4 @@ fn unpacking(error: &io::Error) -> String {
         }
         _ => error.to_string(),
     }
-}
-
-/// SHA-256 of a whole file, hexadecimal.
-pub fn sha256(path: &std::path::Path) -> io::Result<String> {
-    let mut hashed = Hashed { from: std::fs::File::open(path)?, hash: Sha256::new(), count: 0 };
-    io::copy(&mut hashed, &mut io::sink())?;
-    Ok(hexadecimal(&hashed.hash.finalize()))
-}
-
-/// SHA-256 of bytes, hexadecimal.
-pub fn sha256_of(bytes: &[u8]) -> String {
-    hexadecimal(&Sha256::digest(bytes))
-}
-
-fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

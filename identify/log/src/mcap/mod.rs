@@ -48,7 +48,7 @@ struct File {
 pub(super) fn read(path: &Path, stamps: Option<Stamps>, progress: &Progress) -> Result<Recording, LogError> {
     let name = path.display().to_string();
     let bytes = std::fs::read(path).map_err(|e| LogError::file(&name, e.to_string()))?;
-    let sha256 = crate::csv::sha256_of(&bytes);
+    let sha256 = crate::hash::of_bytes(&bytes);
     progress.check()?;
     let open = || open(&name, bytes, stamps);
     let (file, groups, notes) = guarded(open).unwrap_or_else(|| Err(LogError::file(&name, "the file is damaged")))?;

@@ -84,7 +84,7 @@ pub(super) fn parse(name: &str, bytes: &[u8], progress: &Progress) -> Result<Rec
         notes.push(format!("missing where a text stands among numbers: {names}"));
     }
     let own = groups.len();
-    let sha256 = crate::csv::sha256_of(bytes);
+    let sha256 = crate::hash::of_bytes(bytes);
     Ok(Recording { file: name.to_owned(), sha256, groups, own, notes, place: Place::Samples, loader: None })
 }
 

@@ -28,7 +28,7 @@ pub(super) fn read(path: &Path, progress: &Progress) -> Result<Recording, LogErr
     let file = File::open(path).map_err(|e| LogError::file(&name, e.to_string()))?;
     // The hash takes as long as the columns.
     std::thread::scope(|scope| {
-        let hash = scope.spawn(|| super::csv::sha256(path));
+        let hash = scope.spawn(|| crate::hash::of_file(path));
         let damaged = || Err(LogError::file(&name, "the file is damaged"));
         let recording = guarded(|| parse(&name, file, progress)).unwrap_or_else(damaged)?;
         let Ok(hash) = hash.join() else { return damaged() };
