@@ -5,11 +5,13 @@ use crate::support::vector_text;
 use nalgebra::Vector3;
 use serde_json::Value;
 use wheelstate::estimator::human_dynamics::whole_body::{Posture, WholeBody};
+use wheelstate::estimator::human_dynamics::{HumanDynamics, Inputs, Outputs, Parameters};
 use wheelstate::model::multibody::equations::{Base, Kind};
 use wheelstate::model::multibody::prior::Variances;
 use wheelstate::model::multibody::sensors::{Noise, Quantity, Sensor};
 use wheelstate::model::multibody::spatial::Pose;
 use wheelstate::model::multibody::tree::{Description, Joint, JointKind, Link, Tree};
+use wheelstate::{Estimator, Variables};
 
 pub const CASES: [&str; 22] = [
     "chain3_fixed_L1",
@@ -212,3 +214,23 @@ pub fn sitting() -> wheelstate::estimator::human_dynamics::Inputs {
     (inputs.base_accel, inputs.imu) = (up, [up; 4]);
     inputs
 }
+
+/// The seated body with these parameters.
+pub fn estimator(set: &[(&str, f64)]) -> HumanDynamics {
+    let mut parameters = Parameters::default();
+    for (name, value) in set {
+        parameters.set(name, *value).unwrap();
+    }
+    HumanDynamics::new(&parameters).unwrap()
+}
+
+/// Its estimates now.
+pub fn outputs(estimator: &HumanDynamics, inputs: &Inputs) -> Outputs {
+    let mut outputs = Outputs::default();
+    estimator.outputs(inputs, 0.0, &mut outputs);
+    outputs
+}
+
+/// Every sensor that is not on by default.
+pub const ALL: [(&str, f64); 4] =
+    [("use.seat_wrench", 1.0), ("use.imu", 1.0), ("use.hand_wrench", 1.0), ("use.foot_wrench", 1.0)];

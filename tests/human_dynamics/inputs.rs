@@ -2,14 +2,15 @@
 
 use super::cases::*;
 use nalgebra::Vector3;
-use wheelstate::Status;
 use wheelstate::estimator::human_dynamics::whole_body::{Posture, StepError, WholeBody};
+use wheelstate::estimator::human_dynamics::{HumanDynamics, Inputs, Outputs, Parameters};
 use wheelstate::filter::map::{Map, Method, Numbers, Pattern};
 use wheelstate::model::multibody::equations::{Base, Equation, Kind};
 use wheelstate::model::multibody::error::{ModelError, ModelWarning};
 use wheelstate::model::multibody::prior::Variances;
 use wheelstate::model::multibody::sensors::{Noise, Quantity, Sensor};
 use wheelstate::model::multibody::tree::{Description, JointKind, Tree};
+use wheelstate::{Estimator, Status, Variables};
 
 fn tree(change: impl Fn(&mut Description)) -> Result<Tree, ModelError> {
     let mut description = model("chain3");
@@ -204,4 +205,158 @@ fn stiff_models_stay_accurate() {
         println!("{model_variance:e} {prior:e}: mean {mean:.1e} variance {variance:.1e}");
         assert!(mean < 1e-8 && variance < 1e-4);
     }
+}
+
+#[test]
+fn declared_variables() {
+    let names = |list: Vec<wheelstate::Variable>| list.into_iter().map(|v| v.name).collect::<Vec<_>>();
+    let inputs = names(Inputs::declare());
+    for name in ["q_lumbar_x", "qd_neck_z", "qdd_left_knee_y", "base_gyro_x", "base_angular_accel_z", "seat_force_x"] {
+        assert!(inputs.contains(&name.to_owned()), "{name}");
+    }
+    for name in ["imu_right_forearm_accel_y", "left_foot_moment_z", "seat_moment_y", "right_hand_force_x"] {
+        assert!(inputs.contains(&name.to_owned()), "{name}");
+    }
+    let outputs = names(Outputs::declare());
+    for name in ["tau_lumbar_x", "tau_left_knee_y_std", "seat_wrench_moment_z_std", "com_x", "body_mass", "chi2_imu"] {
+        assert!(outputs.contains(&name.to_owned()), "{name}");
+    }
+    let parameters = names(Parameters::declare());
+    for name in ["use.imu", "variance.equation.net_wrench", "mount.imu_head.z", "differentiation.window", "body.height"]
+    {
+        assert!(parameters.contains(&name.to_owned()), "{name}");
+    }
+    assert_eq!(inputs.len(), Inputs::COUNT);
+    let start: Vec<f64> = Inputs::declare().iter().map(|v| v.start).collect();
+    assert!(start.iter().chain(&Inputs::default().to_vec()).all(|start| start.is_nan()), "missing until set");
+    assert_eq!(outputs.len(), Outputs::COUNT);
+    // what is written is read back in the order of the declarations
+    let flat: Vec<f64> = (0..Inputs::COUNT).map(|i| i as f64).collect();
+    let mut all = Inputs::default();
+    all.read(&flat);
+    assert_eq!(all.to_vec(), flat);
+    assert_eq!(all.contact[3][5], flat[inputs.iter().position(|n| n == "left_foot_moment_z").unwrap()]);
+    let mut out = Outputs::default();
+    let flat: Vec<f64> = (0..Outputs::COUNT - 1).map(|i| i as f64).chain([1.0]).collect();
+    out.read(&flat);
+    assert_eq!(out.to_vec(), flat);
+}
+
+#[test]
+fn missing_and_infinite_samples_of_the_seated_body() {
+    let mut estimator = estimator(&ALL);
+    let inputs = sitting();
+    estimator.step(&inputs, 0.01);
+    let full = outputs(&estimator, &inputs);
+
+    // a sensor's sample: dropped, the standard deviation grows
+    let mut holes = inputs.clone();
+    holes.contact[2][0] = f64::NAN;
+    let status = estimator.step(&holes, 0.01);
+    assert!(status.contains(Status::MISSING) && !status.contains(Status::SKIPPED));
+    let missing = outputs(&estimator, &holes);
+    assert!(missing.tau[16].std > 1.5 * full.tau[16].std && missing.diagnostics.healthy);
+    holes.contact[2][0] = f64::INFINITY;
+    assert!(estimator.step(&holes, 0.01).contains(Status::INFINITE));
+    assert_eq!(outputs(&estimator, &holes).tau, missing.tau);
+
+    // posture: skipped, held, and the next sample is as if nothing had been
+    for field in 0..3 {
+        let mut bad = inputs.clone();
+        match field {
+            0 => bad.q[3] = f64::NAN,
+            1 => bad.qd[3] = f64::NAN,
+            _ => bad.base_gyro[1] = f64::NEG_INFINITY,
+        }
+        let status = estimator.step(&bad, 0.01);
+        assert!(status.contains(Status::SKIPPED | Status::HOLD));
+        let held = outputs(&estimator, &bad);
+        assert_eq!(held.tau, missing.tau);
+        assert!(!held.diagnostics.healthy);
+    }
+    estimator.step(&inputs, 0.01);
+    assert_eq!(outputs(&estimator, &inputs), full);
+
+    // nothing at all
+    let mut nothing = inputs.clone();
+    for part in [&mut nothing.qdd[..], &mut nothing.base_accel, &mut nothing.base_angular_accel, &mut nothing.seat] {
+        part.fill(f64::NAN);
+    }
+    nothing.imu = [[f64::NAN; 3]; 4];
+    nothing.contact = [[f64::NAN; 6]; 4];
+    let status = estimator.step(&nothing, 0.01);
+    assert!(status.contains(Status::NO_MEASUREMENT));
+    let prior = outputs(&estimator, &nothing);
+    assert!(!prior.diagnostics.healthy && prior.to_vec().iter().all(|v| v.is_finite()));
+    assert_eq!(prior.chi2, [0.0; 6]);
+}
+
+#[test]
+fn differentiation_follows_a_cubic_and_survives_gaps() {
+    let mut smooth = estimator(&[("differentiate", 1.0)]);
+    let mut direct = estimator(&[]);
+    let at = |t: f64| {
+        let mut inputs = sitting();
+        for joint in 0..19 {
+            let s = 0.1 + 0.01 * joint as f64;
+            inputs.q[joint] = s * (t - 0.5 * t * t + 0.4 * t * t * t);
+            inputs.qd[joint] = s * (1.0 - t + 1.2 * t * t);
+            inputs.qdd[joint] = s * (-1.0 + 2.4 * t);
+        }
+        inputs
+    };
+    for k in 0..60 {
+        let mut inputs = at(0.01 * k as f64);
+        direct.step(&inputs, 0.01);
+        let expected = outputs(&direct, &inputs);
+        if k == 40 || k == 41 {
+            inputs.q[2] = f64::NAN;
+        }
+        let status = smooth.step(&inputs, 0.01);
+        if k < 24 || k == 40 || k == 41 {
+            assert!(status.contains(Status::SKIPPED), "{k}");
+        } else {
+            assert!(!status.contains(Status::SKIPPED));
+            let actual = outputs(&smooth, &inputs);
+            let off = largest_difference(&actual.tau.map(|t| t.value), &expected.tau.map(|t| t.value));
+            assert!(off < 1e-5, "{k}: {off:e}");
+        }
+    }
+    // another sample time empties the window
+    assert!(smooth.step(&at(0.7), 0.05).contains(Status::SKIPPED | Status::RESTARTED));
+}
+
+#[test]
+fn states_are_kept_restored_and_refused() {
+    let mut a = estimator(&[("differentiate", 1.0), ("differentiation.window", 7.0)]);
+    let mut inputs = sitting();
+    let mut step = |estimator: &mut HumanDynamics, k: usize| {
+        inputs.q[1] = (0.3 * k as f64).sin();
+        estimator.step(&inputs, 0.01);
+        outputs(estimator, &inputs).to_vec().iter().map(|v| v.to_bits()).collect::<Vec<_>>()
+    };
+    (0..9).for_each(|k| drop(step(&mut a, k)));
+    let kept = a.state().clone();
+    let first: Vec<_> = (9..15).map(|k| step(&mut a, k)).collect();
+    let mut b = estimator(&[("differentiate", 1.0), ("differentiation.window", 7.0)]);
+    b.restore(&kept).unwrap();
+    let second: Vec<_> = (9..15).map(|k| step(&mut b, k)).collect();
+    assert_eq!(first, second);
+    assert!(estimator(&[("differentiate", 1.0)]).restore(a.state()).is_err());
+    assert!(estimator(&[]).restore(a.state()).is_err());
+}
+
+#[test]
+fn parameters_are_checked() {
+    let refused = |name: &str, value: f64| {
+        let mut parameters = Parameters::default();
+        let result = parameters.set(name, value).and_then(|()| HumanDynamics::new(&parameters).map(drop));
+        let error = result.unwrap_err();
+        assert_eq!(error.name, name);
+        error.to_string()
+    };
+    refused("variance.seat_force", 0.0);
+    refused("variance.equation.net_wrench", -1.0);
+    refused("body.mass", f64::NAN);
+    assert!(refused("differentiation.window", 24.0).contains("odd"));
 }

@@ -7,6 +7,5 @@ mod consistency;
 mod coupling;
 mod inputs;
 mod model;
-mod seated;
 mod truth;
 mod vectors;

@@ -1,4 +1,5 @@
-//! Descriptions as plants.
+//! Descriptions as plants. The simulations of `identify` turn theirs into plants once more: `plant` may not know the
+//! model's descriptions, and the core's tests cannot know `identify`.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use wheelstate::model::multibody::tree::Description;

@@ -2,7 +2,10 @@
 
 use super::cases::*;
 use crate::support::{assert_close, vector_text};
+use nalgebra::Vector3;
+use wheelstate::estimator::human_dynamics::variables::JOINTS;
 use wheelstate::filter::savitzky_golay;
+use wheelstate::{Estimator, Status};
 
 #[test]
 fn means_and_variances() {
@@ -83,4 +86,62 @@ fn savitzky_golay_derivatives() {
         let scale = expected.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         assert!(largest_difference(&actual, &expected) <= 1e-12 * scale);
     }
+}
+
+/// A vector's posture and truth fed through the estimator: the default sensors reproduce the
+/// torques of inverse dynamics when all contacts are measured.
+#[test]
+fn torques_of_a_reference_posture() {
+    let case = case("seated12_moving_compact");
+    let mut estimator = estimator(&ALL);
+    let order: Vec<String> = case.data["dof_names"].as_array().unwrap().iter().map(text).collect();
+    let layout = case.data["layout"].as_array().unwrap();
+    let truth = numbers(&case.data["true_d"]);
+    let slot = |body: &str, kind: &str| {
+        let entry = layout.iter().find(|e| text(&e[0]) == body && text(&e[1]) == kind).unwrap();
+        truth[entry[2].as_u64().unwrap() as usize..entry[3].as_u64().unwrap() as usize].to_vec()
+    };
+    let mut inputs = sitting();
+    let tau = numbers(&case.data["rnea_tau"]);
+    let qdd_of = |c: usize| case.body.equations().tree().dof_places[c];
+    for (joint, (_, name, _)) in JOINTS.iter().enumerate() {
+        let c = order.iter().position(|o| o == name).unwrap();
+        inputs.q[joint] = case.q[c];
+        inputs.qd[joint] = case.qd[c];
+        let (body, k) = qdd_of(c);
+        inputs.qdd[joint] = slot(&case.body.equations().tree().bodies[body].name, "qdd")[k];
+    }
+    inputs.base_gyro = case.base_rate;
+    let a0 = slot("Pelvis", "a");
+    inputs.base_accel.copy_from_slice(&a0[..3]);
+    inputs.base_angular_accel.copy_from_slice(&a0[3..]);
+    // wrenches move from the link origin to the sensor: m_s = m - p x f
+    let at = |wrench: &[f64], z: f64| {
+        let f = Vector3::new(wrench[0], wrench[1], wrench[2]);
+        let m = Vector3::new(wrench[3], wrench[4], wrench[5]) - Vector3::new(0.0, 0.0, z).cross(&f);
+        [f.x, f.y, f.z, m.x, m.y, m.z]
+    };
+    inputs.seat = at(&slot("Pelvis", "f"), -0.1);
+    for (k, (link, z)) in
+        [("RightForeArm", -0.2), ("LeftForeArm", -0.2), ("RightShank", -0.4), ("LeftShank", -0.4)].iter().enumerate()
+    {
+        inputs.contact[k] = at(&slot(link, "fx"), *z);
+    }
+    inputs.imu = [[f64::NAN; 3]; 4];
+    let status = estimator.step(&inputs, 0.01);
+    assert!(status.contains(Status::MISSING) && !status.contains(Status::SKIPPED));
+    let outputs = outputs(&estimator, &inputs);
+    assert!(outputs.diagnostics.healthy);
+    for (joint, (name, model, _)) in JOINTS.iter().enumerate() {
+        let expected = tau[order.iter().position(|o| o == model).unwrap()];
+        let off = (outputs.tau[joint].value - expected).abs();
+        assert!(off < 0.25 * outputs.tau[joint].std + 0.02, "{name}: {} {expected}", outputs.tau[joint].value);
+    }
+    let seat = slot("Pelvis", "f");
+    for (estimate, truth) in outputs.seat_wrench.iter().zip(&seat) {
+        assert!((estimate.value - truth).abs() < estimate.std, "{estimate:?} {truth}");
+    }
+    let com = numbers(&case.data["com_base"]);
+    assert!(largest_difference(&outputs.com, &com) < 1e-12);
+    assert!((outputs.body_mass - 65.0).abs() < 1e-12);
 }
