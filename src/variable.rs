@@ -198,20 +198,26 @@ pub trait Variables: Clone + Send + Sync {
 
     /// Sets one variable by its name; an unknown name gives an error that lists the nearest ones.
     fn set(&mut self, name: &str, value: f64) -> Result<(), ParameterError> {
-        let declared = Self::declare();
-        let Some(index) = declared.iter().position(|variable| variable.name == name) else {
-            let group = name.split('.').next().unwrap_or(name);
-            let near: Vec<_> = declared.iter().map(|v| v.name.as_str()).filter(|n| n.starts_with(group)).collect();
-            let hint = if near.is_empty() { String::new() } else { format!("; there are {}", near.join(", ")) };
-            let reason = format!("is no variable of this machine{hint}");
-            return Err(ParameterError { name: name.to_owned(), value, unit: "1", reason });
-        };
-        declared[index].check(value)?;
+        let index = find(&Self::declare(), name, value)?;
         let mut flat = self.to_vec();
         flat[index] = value;
         self.read(&flat);
         Ok(())
     }
+}
+
+/// Where in the declarations the variable `name` is, which may have this value; an unknown name gives an error that
+/// lists the nearest ones.
+pub fn find(declared: &[Variable], name: &str, value: f64) -> Result<usize, ParameterError> {
+    let Some(index) = declared.iter().position(|variable| variable.name == name) else {
+        let group = name.split('.').next().unwrap_or(name);
+        let near: Vec<_> = declared.iter().map(|v| v.name.as_str()).filter(|n| n.starts_with(group)).collect();
+        let hint = if near.is_empty() { String::new() } else { format!("; there are {}", near.join(", ")) };
+        let reason = format!("is no variable of this machine{hint}");
+        return Err(ParameterError { name: name.to_owned(), value, unit: "1", reason });
+    };
+    declared[index].check(value)?;
+    Ok(index)
 }
 
 /// What can stand in a declaration with a start value: one number, or an [`Estimate`] of two.

@@ -1,6 +1,7 @@
 //! Parameters that a fit takes as known: defaults, start values and settings by FMU name.
 
 use std::collections::{BTreeMap, BTreeSet};
+use wheelstate::variable::find;
 use wheelstate::{ParameterError, Variable, Variables};
 
 /// Values by FMU name.
@@ -20,14 +21,7 @@ impl Known {
 
     /// Sets a declared parameter, checked against its declaration.
     pub fn set(&mut self, name: &str, value: f64) -> Result<(), ParameterError> {
-        let Some(variable) = self.declared.iter().find(|variable| variable.name == name) else {
-            let group = name.split('.').next().unwrap_or(name);
-            let near: Vec<_> = self.declared.iter().map(|v| v.name.as_str()).filter(|n| n.starts_with(group)).collect();
-            let hint = if near.is_empty() { String::new() } else { format!("; there are {}", near.join(", ")) };
-            let reason = format!("is no parameter of this vehicle{hint}");
-            return Err(ParameterError { name: name.to_owned(), value, unit: "1", reason });
-        };
-        variable.check(value)?;
+        find(&self.declared, name, value)?;
         self.values.insert(name.to_owned(), value);
         self.set.insert(name.to_owned());
         Ok(())

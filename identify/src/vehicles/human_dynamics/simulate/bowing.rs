@@ -11,6 +11,7 @@ use crate::simulate::{Companion, Request, SimulateError};
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 use wheelstate::filter::savitzky_golay::smooth;
+use wheelstate::model::STANDARD_GRAVITY as GRAVITY;
 use wheelstate::model::multibody::anthropometry::{BodyParameters, human48};
 use wheelstate::model::multibody::tree::Description;
 use wheelstate::plant::human_dynamics::{BaseMotion, Push};
@@ -66,7 +67,6 @@ variables! {
 }
 
 const RATE: f64 = 240.0;
-const GRAVITY: f64 = 9.81;
 /// Bend of each joint at the deepest point, rad.
 const BOW: [(&str, f64); 14] = [
     ("jRightHip_roty", -0.62),

@@ -125,7 +125,8 @@ fn median(buffer: &mut Vec<f64>, values: impl Iterator<Item = f64>) -> Option<f6
     Some(if n % 2 == 1 { *middle } else { 0.5 * (below.iter().copied().fold(f64::MIN, f64::max) + *middle) })
 }
 
-/// Slope of the running mean by central differences, one-sided at the ends.
+/// Slope of the running mean by central differences, one-sided at the ends. No Savitzky-Golay fit, which is several times
+/// as noisy at the ends as within.
 fn slope_of_mean(x: &[f64], period: f64) -> Vec<f64> {
     let (n, reach) = (x.len(), samples(MEAN_REACH, period));
     let mean: Vec<f64> = (0..n)

@@ -260,7 +260,7 @@ fn smooth(values: &[f64], half: usize) -> Vec<f64> {
     (0..values.len()).map(mean).collect()
 }
 
-/// Central differences.
+/// Central differences between the log's own times, which a Savitzky-Golay fit would take as even.
 fn derivative(values: &[f64], time: &[f64]) -> Vec<f64> {
     let last = values.len().saturating_sub(1);
     (0..values.len())
