@@ -19,8 +19,10 @@
 //! `tests/walls/arrows.rs` of the repository is the whole list, and a test holds it.
 
 pub mod assess;
+pub mod check;
 pub mod cli;
 pub mod estimate;
+pub mod finding;
 pub mod problem;
 pub mod report;
 pub mod result;

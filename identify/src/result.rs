@@ -1,5 +1,6 @@
 //! The result of a fit or of a tuning: what `fit.json` and `tune.json` hold.
 
+use crate::finding::{Finding, Severity};
 use crate::log::Log;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -44,6 +45,9 @@ pub struct FitReport {
     /// What is good to know and no reason to worry.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
+    /// What was found in the logs before anything was fitted to them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub findings: Vec<Finding>,
     /// Known values that the fit relied on (`--set`, `--params`), by their FMU names.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub settings: BTreeMap<String, f64>,
@@ -206,7 +210,8 @@ pub struct Trace {
 impl FitReport {
     /// Whether the user must be told something: the condition of exit code 1.
     pub fn has_warnings(&self) -> bool {
-        !self.warnings.is_empty() || self.parameters.values().any(|p| !p.identified || p.at_bound)
+        let found = self.findings.iter().any(|finding| finding.severity >= Severity::Warning);
+        found || !self.warnings.is_empty() || self.parameters.values().any(|p| !p.identified || p.at_bound)
     }
 
     /// Parameters that may be used as start values of an estimator.

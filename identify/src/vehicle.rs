@@ -1,12 +1,13 @@
 //! One record per machine: all that the commands know of it.
 
+use crate::check::{self, Checks, Finding};
 use crate::log::Log;
-use crate::problem::{self, FitError, FitRequest, Problem};
+use crate::problem::{self, FitError, FitRequest, Known, Problem};
 use crate::progress::Progress;
 use crate::result::FitReport;
 use crate::simulate::{Companion, Request, SimulateError, Simulation};
 use crate::tune::{self, Subject, TuneError, TuneReport, TuneRequest};
-use wheelstate::{Estimator, Variable, Variables};
+use wheelstate::{Estimator, ParameterError, Variable, Variables};
 
 /// A machine: its estimator and what `identify` adds to it.
 #[derive(Clone, Copy)]
@@ -19,6 +20,8 @@ pub struct Vehicle {
     pub estimator: Seat,
     /// How its parameters are identified.
     pub problem: Problem,
+    /// What its logs must be like for that.
+    pub checks: Checks,
     /// How its logs are simulated.
     pub simulation: Simulation,
     /// What a log must carry before noise is tuned on it: samples of at least one input of each group, `*` standing
@@ -60,6 +63,17 @@ impl Vehicle {
     /// The inputs of its estimator, which are the channels of its logs.
     pub fn inputs(&self) -> Vec<Variable> {
         (self.estimator.inputs)()
+    }
+
+    /// Looks for what is wrong with a log before anything is fitted to it, see [`check::check`]; `settings` are known
+    /// parameters by FMU name.
+    pub fn check(&self, log: &Log, settings: &[(String, f64)]) -> Result<Vec<Finding>, ParameterError> {
+        let mut known = Known::new(self.parameters());
+        for (name, value) in settings {
+            known.set(name, *value)?;
+        }
+        let inputs = self.inputs();
+        Ok(check::check(&check::Subject { inputs: &inputs, known: &known, checks: &self.checks }, log))
     }
 
     /// Fits its parameters to logs, see [`problem::fit`].

@@ -5,6 +5,7 @@
 #[path = "../../tests/support/mod.rs"]
 mod support;
 
+mod check;
 mod cli;
 mod convert;
 mod report;

@@ -16,6 +16,7 @@ use wheelstate::filter::ekf::{self, Rows};
 use wheelstate::filter::gaussian::Gaussian;
 use wheelstate::variable::Estimate;
 use wheelstate::{ParameterError, Status, Variables, variables};
+use wheelstate_identify::check::Checks;
 use wheelstate_identify::log::Log;
 use wheelstate_identify::problem::{FitError, FitRequest, Problem, Session, Target, Task};
 use wheelstate_identify::progress::Progress;
@@ -287,6 +288,7 @@ static VEHICLE: Vehicle = Vehicle {
         estimate,
         validate: |_| Vec::new(),
     },
+    checks: Checks::NONE,
     simulation: Simulation { scenarios: SCENARIOS, run: simulate, companions: |_| Ok(Vec::new()) },
     needed: &[&["speed"]],
     noise_floors: |_| Vec::new(),

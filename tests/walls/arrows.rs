@@ -66,11 +66,13 @@ pub const CRATES: &[Crate] = &[
         modules: &[
             // The numerics know no log, no vehicle, no report and no command line.
             ("solve", &["wheelstate_log::progress"]),
-            ("result", &["wheelstate_log"]),
+            ("finding", &[]),
+            ("result", &["finding", "wheelstate_log"]),
             ("assess", &["result"]),
             ("report", &["result", "wheelstate::parameter_set"]),
             // What is common to all machines names none of them.
             ("problem", &["assess", "result", "solve", "wheelstate::variable", "wheelstate_log"]),
+            ("check", &["finding", "problem", "wheelstate::variable", "wheelstate_log"]),
             ("simulate", &["wheelstate::variable", "wheelstate_log"]),
             (
                 "tune",
@@ -80,6 +82,7 @@ pub const CRATES: &[Crate] = &[
             (
                 "vehicle",
                 &[
+                    "check",
                     "problem",
                     "result",
                     "simulate",
@@ -96,6 +99,7 @@ pub const CRATES: &[Crate] = &[
                 "cli",
                 &[
                     "estimate",
+                    "finding",
                     "problem",
                     "report",
                     "result",
@@ -180,8 +184,18 @@ pub const CRATES: &[Crate] = &[
 const READER: &[&str] = &["", "columns", "error", "guard", "hash", "progress", "recording"];
 
 /// What one machine of `identify` may use.
-const MACHINE: &[&str] =
-    &["assess", "estimate", "problem", "result", "simulate", "solve", "vehicle", "wheelstate", "wheelstate_log"];
+const MACHINE: &[&str] = &[
+    "assess",
+    "check",
+    "estimate",
+    "problem",
+    "result",
+    "simulate",
+    "solve",
+    "vehicle",
+    "wheelstate",
+    "wheelstate_log",
+];
 
 /// Crates from outside that only these modules may name: the command line and the numerics know nothing of each other.
 pub const CONFINED: &[(&str, &[&str])] = &[

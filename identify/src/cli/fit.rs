@@ -1,5 +1,6 @@
 //! `identify fit`.
 
+use super::check;
 use super::settings::{self, Setting};
 use super::words::vehicle_parser;
 use super::{LogArgs, Outcome, Refusal, keep_inputs, print, read_logs};
@@ -47,6 +48,8 @@ pub(super) struct FitArgs {
     /// noise in the regressors and by what the regression neglects.
     #[arg(long)]
     correct: bool,
+    #[command(flatten)]
+    allowed: check::Allowed,
     /// Write the result.
     #[arg(long, value_name = "FIT.json")]
     out: Option<PathBuf>,
@@ -76,10 +79,14 @@ pub(super) fn run(args: &FitArgs) -> Result<Outcome, Refusal> {
     };
     let progress = Progress::terminal();
     let logs = read_logs(args.vehicle, &args.logs, &progress)?;
+    let known: Vec<_> = request.start.iter().chain(&request.settings).cloned().collect();
+    let findings = check::findings(args.vehicle, &logs, &known, &args.allowed)?;
+    check::tell_fit(&findings)?;
     let result = args.vehicle.fit(&logs, &request, &progress);
     progress.finish();
     let mut result = result?;
     result.refer_to(&logs);
+    result.findings = findings;
     deliver(&result, args.out.as_deref(), args.ssv.as_deref(), args.report.as_deref())
 }
 

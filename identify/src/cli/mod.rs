@@ -1,5 +1,6 @@
 //! The command line: what each command takes, and its exit code.
 
+mod check;
 mod convert;
 mod fit;
 mod human;
@@ -9,7 +10,7 @@ mod simulate;
 mod tune;
 mod words;
 
-use crate::log::{Input, Log};
+use crate::log::{Input, Log, LogError};
 use crate::progress::Progress;
 use crate::vehicle::Vehicle;
 use clap::{Args, Parser, Subcommand};
@@ -40,6 +41,8 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Look for wrong units, signs, delays and dead channels in logs before anything is fitted to them.
+    Check(check::CheckArgs),
     /// Fit physical parameters from logs by convex optimisation.
     Fit(fit::FitArgs),
     /// Tune the filter's noise settings by replaying logs.
@@ -66,11 +69,13 @@ struct LogArgs {
     columns: Vec<String>,
 }
 
-/// How a command ended that was not refused.
+/// How a command ended that did its work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
     Done,
     Warnings,
+    /// What was asked for was done, and its answer is that the logs cannot be used.
+    Refused,
 }
 
 /// Why a command was refused: one line.
@@ -95,6 +100,7 @@ pub fn main() -> ExitCode {
         Err(help) => help.exit(),
     };
     let outcome = match cli.command {
+        Command::Check(args) => check::run(&args),
         Command::Fit(args) => fit::run(&args),
         Command::Tune(args) => tune::run(&args),
         Command::Simulate(args) => simulate::run(&args),
@@ -105,6 +111,7 @@ pub fn main() -> ExitCode {
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Warnings) => ExitCode::from(1),
+        Ok(Outcome::Refused) => ExitCode::from(2),
         Err(Refusal(line)) => {
             eprintln!("identify: {}", line.replace(['\n', '\r'], " "));
             ExitCode::from(2)
@@ -127,15 +134,34 @@ fn print(text: &str) {
 
 /// Reads all logs of a command and checks the maps against the vehicle's inputs.
 fn read_logs(vehicle: &Vehicle, args: &LogArgs, progress: &Progress) -> Result<Vec<Log>, Refusal> {
+    let mut logs = Vec::with_capacity(args.logs.len());
+    read_each(vehicle, args, progress, |_, log| {
+        let log = log?;
+        tell(&log);
+        logs.push(log);
+        Ok(())
+    })?;
+    Ok(logs)
+}
+
+/// Reads the logs of a command one by one.
+fn read_each(
+    vehicle: &Vehicle,
+    args: &LogArgs,
+    progress: &Progress,
+    mut take: impl FnMut(&Path, Result<Log, LogError>) -> Result<(), Refusal>,
+) -> Result<(), Refusal> {
     let maps = maps::Maps::read(vehicle, &args.columns)?;
     let inputs = vehicle.inputs();
     let inputs: Vec<_> = inputs.iter().map(|input| Input { name: &input.name, unit: input.unit }).collect();
-    let read = |path: &PathBuf| {
-        let log = Log::read_inputs(path, maps.of(path)?, &inputs, progress)?;
-        tell(&log);
-        Ok(log)
-    };
-    args.logs.iter().map(read).collect()
+    for path in &args.logs {
+        let log = Log::read_inputs(path, maps.of(path)?, &inputs, progress);
+        if let Err(LogError::Interrupted(stop)) = log {
+            return Err(stop.into());
+        }
+        take(path, log)?;
+    }
+    Ok(())
 }
 
 /// Says what was guessed, repaired or left out of a log.

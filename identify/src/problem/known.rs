@@ -45,6 +45,11 @@ impl Known {
         self.values.get(name).copied()
     }
 
+    /// The declaration of a parameter.
+    pub fn declared(&self, name: &str) -> Option<&Variable> {
+        self.declared.iter().find(|variable| variable.name == name)
+    }
+
     /// All values as the parameters of an estimator; those that this problem does not declare have their start values.
     pub fn parameters<P: Variables + Default>(&self) -> P {
         let mut parameters = P::default();

@@ -1,5 +1,6 @@
 //! The human body.
 
+pub mod checks;
 pub mod problem;
 pub mod simulate;
 
@@ -13,6 +14,7 @@ pub static VEHICLE: Vehicle = Vehicle {
     about: "Human body",
     estimator: Seat::of::<HumanDynamics>(),
     problem: problem::PROBLEM,
+    checks: checks::CHECKS,
     simulation: Simulation {
         scenarios: simulate::SCENARIOS,
         run: simulate::simulate,

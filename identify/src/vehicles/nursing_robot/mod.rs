@@ -1,5 +1,6 @@
 //! The nursing robot.
 
+pub mod checks;
 pub mod problem;
 pub mod simulate;
 
@@ -13,6 +14,7 @@ pub static VEHICLE: Vehicle = Vehicle {
     about: "Nursing robot that carries a seated person (also road vehicles: mass and rolling resistance)",
     estimator: Seat::of::<NursingRobot>(),
     problem: problem::PROBLEM,
+    checks: checks::CHECKS,
     simulation: Simulation { scenarios: simulate::SCENARIOS, run: simulate::simulate, companions: |_| Ok(Vec::new()) },
     needed: &[&["torque_left", "torque_right"], &["speed", "tilt", "tilt_rate"]],
     noise_floors: |_| Vec::new(),

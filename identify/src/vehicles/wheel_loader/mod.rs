@@ -1,5 +1,6 @@
 //! The wheel loader.
 
+pub mod checks;
 pub mod problem;
 pub mod simulate;
 
@@ -13,6 +14,7 @@ pub static VEHICLE: Vehicle = Vehicle {
     about: "Articulated or rigid wheel loader",
     estimator: Seat::of::<WheelLoader>(),
     problem: problem::PROBLEM,
+    checks: checks::CHECKS,
     simulation: Simulation { scenarios: simulate::SCENARIOS, run: simulate::simulate, companions: |_| Ok(Vec::new()) },
     needed: &[
         &["torque_front", "torque_rear", "brake_front", "brake_rear"],

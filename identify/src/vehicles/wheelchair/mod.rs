@@ -1,5 +1,6 @@
 //! The wheelchair.
 
+pub mod checks;
 pub mod problem;
 pub mod simulate;
 
@@ -13,6 +14,7 @@ pub static VEHICLE: Vehicle = Vehicle {
     about: "Wheelchair with power assistance",
     estimator: Seat::of::<Wheelchair>(),
     problem: problem::PROBLEM,
+    checks: checks::CHECKS,
     simulation: Simulation { scenarios: simulate::SCENARIOS, run: simulate::simulate, companions: |_| Ok(Vec::new()) },
     needed: &[&["encoder_left", "encoder_right", "gyro_pitch"]],
     noise_floors: |_| Vec::new(),

@@ -1,5 +1,6 @@
 //! The four-wheeled robot.
 
+pub mod checks;
 pub mod problem;
 pub mod simulate;
 
@@ -14,6 +15,7 @@ pub static VEHICLE: Vehicle = Vehicle {
     about: "Four-wheeled robot or car",
     estimator: Seat::of::<WheeledRobot>(),
     problem: problem::PROBLEM,
+    checks: checks::CHECKS,
     simulation: Simulation { scenarios: simulate::SCENARIOS, run: simulate::simulate, companions: |_| Ok(Vec::new()) },
     needed: &[&["steering_angle", "drive_torque_*", "brake_torque_*", "wheel_speed_*", "gyro_z"]],
     noise_floors,

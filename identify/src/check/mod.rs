@@ -1,0 +1,142 @@
+//! What is wrong with a log, before anything is fitted to it.
+//!
+//! A fit believes its channels: times in milliseconds, an accelerometer in g or a speed that arrives late give confident
+//! nonsense. [`check`] looks for such faults where a log shows them:
+//!
+//! - [`time`]: the sample period against what the machine's estimator and fit can use, gaps, scattered stamps;
+//! - [`channel`]: channels that the fit needs and lacks, constant, frozen, clipped, coarse or wrapping ones;
+//! - [`relation`]: channels that say the same thing in two ways (the slope of an angle and its rate, wheel speed times
+//!   radius and speed over ground, specific force and the slope of the speed): their proportion tells units and signs,
+//!   their cross-correlation a delay.
+//!
+//! What a machine's log must hold and which of its channels say the same stands in its record, see [`Checks`]. A
+//! relation speaks only where the log excites it: silence is no proof that a channel is right.
+
+pub mod channel;
+pub mod relation;
+mod signals;
+pub mod time;
+
+pub use crate::finding::{Finding, Severity};
+pub use relation::{Gain, Relation, Side, Term};
+pub use signals::Signals;
+
+use crate::log::Log;
+use crate::problem::Known;
+use wheelstate::Variable;
+
+/// Three axes of specific force, of a sensor on a machine that hardly accelerates beside gravity.
+#[derive(Clone, Copy, Debug)]
+pub struct Accelerometer {
+    /// Its channels x, y, z.
+    pub axes: [&'static str; 3],
+    /// Whether z points up, within what a machine tilts.
+    pub upright: bool,
+}
+
+/// What a machine's logs must be like for its fit.
+#[derive(Clone, Copy)]
+pub struct Checks {
+    /// Channels that the fit cannot do without: one of each group. `*` stands for any text.
+    pub required: &'static [&'static [&'static str]],
+    /// Channels that the fit uses where there are any, and what for.
+    pub optional: &'static [(&'static str, &'static str)],
+    /// Longest sample period that still shows what the fit is about, s: a few samples in each of its windows.
+    pub slowest: f64,
+    /// Accelerometers that feel gravity.
+    pub gravity: &'static [Accelerometer],
+    /// Channels that tell the same in two ways.
+    pub relations: fn(&Signals) -> Vec<Relation>,
+}
+
+impl Checks {
+    /// Of a machine of which nothing is known: times and channels are looked at, relations are not.
+    pub const NONE: Self =
+        Self { required: &[], optional: &[], slowest: f64::INFINITY, gravity: &[], relations: |_| Vec::new() };
+}
+
+/// What is looked at: a machine's declarations and its own checks.
+pub struct Subject<'a> {
+    /// The inputs of its estimator.
+    pub inputs: &'a [Variable],
+    /// What is known of its parameters.
+    pub known: &'a Known,
+    /// Its own checks.
+    pub checks: &'a Checks,
+}
+
+/// Everything that is found in one log, the worst first.
+pub fn check(subject: &Subject, log: &Log) -> Vec<Finding> {
+    let mut findings = time::check(subject, log);
+    findings.extend(channel::check(subject, log));
+    // With a wrong clock every slope is wrong: it would only be said again in other words.
+    if findings.iter().all(|finding| finding.code != time::PERIOD) {
+        let spoilt: Vec<String> =
+            findings.iter().filter(|f| f.severity >= Severity::Warning).map(|f| f.channel.clone()).collect();
+        let signals = Signals::new(subject, log);
+        let relations = (subject.checks.relations)(&signals);
+        findings.extend(relation::check(&signals, &relations, &spoilt));
+    }
+    findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
+    findings
+}
+
+/// Whether a name fits a pattern in which one `*` may stand for any text.
+fn fits(pattern: &str, name: &str) -> bool {
+    match pattern.split_once('*') {
+        Some((head, tail)) => name.len() >= head.len() + tail.len() && name.starts_with(head) && name.ends_with(tail),
+        None => pattern == name,
+    }
+}
+
+impl Subject<'_> {
+    /// The declaration of an input.
+    fn input(&self, name: &str) -> Option<&Variable> {
+        self.inputs.iter().find(|input| input.name == name)
+    }
+
+    /// Whether the fit may read a channel.
+    fn reads(&self, name: &str) -> bool {
+        let required = self.checks.required.iter().flat_map(|group| group.iter());
+        let optional = self.checks.optional.iter().map(|(pattern, _)| pattern);
+        self.input(name).is_some() || required.chain(optional).any(|pattern| fits(pattern, name))
+    }
+}
+
+/// Starts a finding about a log.
+fn finding(log: &Log, code: &str, severity: Severity, channel: impl Into<String>) -> Finding {
+    Finding {
+        file: log.source.clone(),
+        channel: channel.into(),
+        time: None,
+        code: code.to_owned(),
+        severity,
+        message: String::new(),
+        suggestion: String::new(),
+    }
+}
+
+impl Finding {
+    fn at(self, time: f64) -> Self {
+        // Milliseconds are enough to find the place, and short.
+        Self { time: Some((time * 1e3).round() / 1e3), ..self }
+    }
+
+    fn says(self, message: String, suggestion: impl Into<String>) -> Self {
+        Self { message, suggestion: suggestion.into(), ..self }
+    }
+}
+
+/// A number for people: three digits.
+fn short(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 || !size.is_finite() {
+        return value.to_string();
+    }
+    if !(1e-4..1e6).contains(&size) {
+        return format!("{value:.2e}");
+    }
+    let digits = (2 - size.log10().floor() as i32).max(0) as usize;
+    let text = format!("{value:.digits$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}

@@ -1,0 +1,528 @@
+//! Channels that say the same in two ways.
+//!
+//! A relation is a linear equation between signals, `y = b_1 x_1 + ... + b_n x_n`, each one a channel, a product of
+//! channels or a derivative of one: `tilt_rate = d tilt/dt`, `accel_x = d speed/dt + slope`, `F = M dv/dt + ...`. All
+//! signals pass the same symmetric window, which delays none. Slow parts (slopes, biases) are taken off by a constant
+//! per block of the log where the relation says so.
+//!
+//! *Gain.* With noise on both sides the proportion of `y` to `x_1` lies between the two regressions, `b_yx` and
+//! `1/b_xy`, that is between `|rho| g` and `g/|rho|` with `g` the ratio of their sizes and `rho` their (partial)
+//! correlation. It is a fault if this whole interval lies outside what physics allows.
+//!
+//! *Delay.* Some of the signals are shifted against the others by every lag; the lag with the largest share of explained
+//! variance is the delay. Its standard error is the jackknife's over the blocks of the log, which needs no model of the
+//! noise: a delay that is one shows in all parts of a log alike.
+
+use super::{Finding, Severity, Signals, finding, short};
+use crate::log::Log;
+use rayon::prelude::*;
+
+/// Half width of the window that all signals pass, s; in samples at least 2.
+const HALF_WINDOW: f64 = 0.15;
+/// Largest delay that is looked for, s, and in samples at least.
+const REACH: (f64, usize) = (0.6, 5);
+/// Time between two lags, s.
+const LAG: f64 = 0.01;
+/// Blocks of a log: their number and their least length, s.
+const BLOCKS: (usize, usize) = (8, 30);
+const BLOCK: f64 = 4.0;
+/// At most so many instants enter the sums.
+const INSTANTS: usize = 40_000;
+/// Correlation from which a relation says something about gain and sign; share of explained variance from which it says
+/// something about a delay.
+const CLEAR: f64 = 0.7;
+const EXPLAINED: f64 = 0.5;
+/// Delays up to this are what good sensors' own filters have, s; those below a sample period anyhow.
+const HARMLESS: f64 = 0.015;
+/// What is left unexplained without a delay over what is left with it: of one signal against others, and of the parts of
+/// a motion together, whose free coefficients a delay trades with.
+const WORTH: (f64, f64) = (1.1, 1.5);
+/// Standard errors that a delay must be away from what is harmless.
+const SURE: f64 = 3.0;
+
+/// On which side of a delay a term stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// It stays where it is.
+    Model,
+    /// It is shifted.
+    Late,
+}
+
+/// A signal of a relation.
+#[derive(Clone, Debug)]
+pub struct Term {
+    /// The channels that it is made of.
+    pub channels: Vec<String>,
+    /// What it is the sum of: samples on even steps, and the time derivatives that are to be taken of them, 0, 1 or 2.
+    pub parts: Vec<(Vec<f64>, usize)>,
+    /// Whether it is shifted when a delay is looked for.
+    pub side: Side,
+}
+
+impl Term {
+    /// The same, to be shifted.
+    pub fn late(mut self) -> Self {
+        self.side = Side::Late;
+        self
+    }
+
+    /// The same times a constant.
+    pub fn times(mut self, factor: f64) -> Self {
+        self.parts.iter_mut().flat_map(|(values, _)| values).for_each(|value| *value *= factor);
+        self
+    }
+
+    /// The sum with another one, if there is one.
+    pub fn plus(mut self, other: Option<Self>) -> Self {
+        if let Some(other) = other {
+            self.parts.extend(other.parts);
+            self.channels.extend(other.channels);
+        }
+        self
+    }
+
+    fn names(&self) -> String {
+        self.channels.join(", ")
+    }
+}
+
+/// What is known of the proportion `b_1`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Gain {
+    /// Both sides are the same quantity in the same unit: 1, within a factor that covers lengths as given.
+    Same(f64),
+    /// Positive and about this, within a factor: masses and lengths as given.
+    About(f64, f64),
+    /// The same, but nothing is said about it: a delay counts only where the log shows this proportion.
+    Shown(f64, f64),
+    /// Nothing.
+    Any,
+}
+
+/// A linear equation between signals.
+#[derive(Clone, Debug)]
+pub struct Relation {
+    /// What both sides are, in words.
+    pub what: &'static str,
+    /// The left side.
+    pub y: Term,
+    /// The right side: the first one has the gain, the others are there because physics has them.
+    pub x: Vec<Term>,
+    /// The gain of the first one.
+    pub gain: Gain,
+    /// Whether every block of the log has a constant of its own.
+    pub constant: bool,
+    /// Whether a delay between the sides would be a fault: no dynamics lie between them.
+    pub delay: bool,
+}
+
+impl Relation {
+    /// Every channel of it.
+    fn channels(&self) -> impl Iterator<Item = &String> {
+        self.x.iter().chain([&self.y]).flat_map(|term| &term.channels)
+    }
+}
+
+/// Sums of products of `[x_1 .. x_n, y]` over a block, about the block's means if the relation has constants.
+#[derive(Clone, Debug)]
+struct Gram {
+    n: usize,
+    count: f64,
+    sums: Vec<f64>,
+    products: Vec<f64>,
+}
+
+impl Gram {
+    fn new(n: usize) -> Self {
+        Self { n, count: 0.0, sums: vec![0.0; n], products: vec![0.0; n * n] }
+    }
+
+    fn push(&mut self, z: &[f64]) {
+        self.count += 1.0;
+        for (i, a) in z.iter().enumerate() {
+            self.sums[i] += a;
+            for (product, b) in self.products[i * self.n..].iter_mut().zip(&z[..=i]) {
+                *product += a * b;
+            }
+        }
+    }
+
+    fn centred(mut self) -> Self {
+        for i in 0..self.n {
+            for j in 0..=i {
+                self.products[i * self.n + j] -= self.sums[i] * self.sums[j] / self.count.max(1.0);
+            }
+        }
+        self
+    }
+
+    fn add(&mut self, other: &Self, sign: f64) {
+        self.count += sign * other.count;
+        self.products.iter_mut().zip(&other.products).for_each(|(sum, value)| *sum += sign * value);
+    }
+
+    fn at(&self, i: usize, j: usize) -> f64 {
+        self.products[i.max(j) * self.n + i.min(j)]
+    }
+
+    /// What is left of all after a regression on number `k` (a Schur complement).
+    fn without(&mut self, k: usize) {
+        let pivot = self.at(k, k);
+        if pivot <= 0.0 {
+            return;
+        }
+        let column: Vec<f64> = (0..self.n).map(|i| self.at(i, k)).collect();
+        for i in (0..self.n).filter(|i| *i != k) {
+            for j in (0..=i).filter(|j| *j != k) {
+                self.products[i * self.n + j] -= column[i] * column[j] / pivot;
+            }
+        }
+        (0..self.n).for_each(|i| self.products[i.max(k) * self.n + i.min(k)] = 0.0);
+    }
+
+    /// Share of `y`'s variance that the others explain.
+    fn explained(&self) -> f64 {
+        let (mut rest, y) = (self.clone(), self.n - 1);
+        let whole = self.at(y, y);
+        for k in 0..y {
+            // What hardly differs from the others before it would only divide by rounding errors.
+            if rest.at(k, k) > 1e-9 * self.at(k, k) {
+                rest.without(k);
+            }
+        }
+        if whole > 0.0 { 1.0 - rest.at(y, y).max(0.0) / whole } else { 0.0 }
+    }
+
+    /// Correlation of `y` with the first one, and the ratio of their sizes, both without the others.
+    fn first(&self) -> (f64, f64) {
+        let (mut rest, y) = (self.clone(), self.n - 1);
+        for k in 1..y {
+            if rest.at(k, k) > 1e-9 * self.at(k, k) {
+                rest.without(k);
+            }
+        }
+        let (xx, yy) = (rest.at(0, 0), rest.at(y, y));
+        if xx > 1e-9 * self.at(0, 0) && yy > 0.0 {
+            (rest.at(0, y) / (xx * yy).sqrt(), (yy / xx).sqrt())
+        } else {
+            (0.0, f64::NAN)
+        }
+    }
+}
+
+/// What the sums say.
+#[derive(Clone, Copy, Debug)]
+pub struct Answer {
+    /// Correlation of both sides at the best lag.
+    pub correlation: f64,
+    /// Ratio of their sizes.
+    pub gain: f64,
+    /// Its sign and size hold in every part of the log.
+    pub steady: bool,
+    /// Share of explained variance at the best lag.
+    pub explained: f64,
+    /// The same without a delay.
+    pub explained_now: f64,
+    /// How late the late ones are, s, and the standard error.
+    pub delay: f64,
+    /// Standard error of the delay, s.
+    pub delay_std: f64,
+}
+
+/// A window and its derivatives: taps on samples around the middle, for values, slopes and curvatures that belong
+/// together.
+fn taps(half: usize, period: f64, order: usize) -> Vec<f64> {
+    let n = half as f64 + 1.0;
+    let weight = |i: usize| {
+        let away = (i as f64 - half as f64) / n;
+        (1.0 + (std::f64::consts::PI * away).cos()) / (2.0 * n)
+    };
+    let smooth: Vec<f64> = (0..=2 * half).map(weight).collect();
+    // A mean over two steps is what a central difference averages over.
+    let stencil = match order {
+        0 => [0.25, 0.5, 0.25],
+        1 => [-0.5 / period, 0.0, 0.5 / period],
+        _ => [1.0 / (period * period), -2.0 / (period * period), 1.0 / (period * period)],
+    };
+    let mut taps = vec![0.0; smooth.len() + 2];
+    for (i, weight) in smooth.iter().enumerate() {
+        (0..3).for_each(|k| taps[i + k] += weight * stencil[k]);
+    }
+    taps
+}
+
+/// A term through its window, every `stride` samples; NaN where a sample is missing.
+fn filtered(term: &Term, half: usize, period: f64, stride: usize) -> Vec<f64> {
+    let mut sum = Vec::new();
+    for (values, order) in &term.parts {
+        let taps = taps(half, period, *order);
+        let windows = values.windows(taps.len()).step_by(stride);
+        let part = windows.map(|window| window.iter().zip(&taps).map(|(value, weight)| value * weight).sum::<f64>());
+        if sum.is_empty() {
+            sum = part.collect();
+        } else {
+            sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
+        }
+    }
+    sum
+}
+
+/// The first derivative of a term through the window at every sample; missing at both ends.
+pub(super) fn slope(term: &Term, period: f64) -> Vec<f64> {
+    let half = ((HALF_WINDOW / period).round() as usize).max(2);
+    let length = term.parts.first().map_or(0, |(values, _)| values.len());
+    let mut slope = vec![f64::NAN; length];
+    let once =
+        Term { parts: term.parts.iter().map(|(values, order)| (values.clone(), order + 1)).collect(), ..term.clone() };
+    slope.iter_mut().skip(half + 1).zip(filtered(&once, half, period, 1)).for_each(|(cell, value)| *cell = value);
+    slope
+}
+
+/// Where all of the samples up to `reach` before and after are there.
+fn surrounded(values: &[f64], reach: usize, there: &mut [bool]) {
+    let mut good = 0;
+    for k in 0..values.len() + reach {
+        good = if values.get(k).is_some_and(|value| value.is_finite()) { good + 1 } else { 0 };
+        if let Some(centre) = k.checked_sub(reach)
+            && good < 2 * reach + 1
+        {
+            there[centre] = false;
+        }
+    }
+}
+
+/// Works a relation out on a log.
+pub fn answer(signals: &Signals, relation: &Relation) -> Option<Answer> {
+    let period = signals.period;
+    if !(period.is_finite() && period > 0.0) {
+        return None;
+    }
+    let half = ((HALF_WINDOW / period).round() as usize).max(2);
+    let stride = ((LAG / period).round() as usize).max(1);
+    let step = period * stride as f64;
+    let terms: Vec<&Term> = relation.x.iter().chain([&relation.y]).collect();
+    let values: Vec<Vec<f64>> = terms.iter().map(|term| filtered(term, half, period, stride)).collect();
+    let n = terms.len();
+    let count = values[0].len();
+    let reach = ((REACH.0 / step).round() as usize).max(REACH.1);
+    let length = ((count as f64 * step / BLOCK) as usize).clamp(BLOCKS.0, BLOCKS.1);
+    let block = count / length;
+    if block < 4 {
+        return None;
+    }
+    let mut there = vec![true; count];
+    for (term, values) in terms.iter().zip(&values) {
+        surrounded(values, if term.side == Side::Late { reach } else { 0 }, &mut there);
+    }
+    let every = count.div_ceil(INSTANTS).max(1);
+    let lags = 2 * reach + 1;
+    let mut sums: Vec<Vec<Gram>> = Vec::with_capacity(length);
+    let mut z = vec![0.0; n];
+    for b in 0..length {
+        let instants: Vec<usize> = (b * block..(b + 1) * block).step_by(every).filter(|k| there[*k]).collect();
+        let of_lag = |lag: usize| {
+            let mut gram = Gram::new(n);
+            for &k in &instants {
+                for (cell, (term, values)) in z.iter_mut().zip(terms.iter().zip(&values)) {
+                    *cell = values[if term.side == Side::Late { k + lag - reach } else { k }];
+                }
+                gram.push(&z);
+            }
+            if relation.constant { gram.centred() } else { gram }
+        };
+        sums.push((0..lags).map(of_lag).collect());
+    }
+    sums.retain(|block| block[0].count >= 4.0);
+    if sums.len() < BLOCKS.0 / 2 {
+        return None;
+    }
+    let mut total: Vec<Gram> = (0..lags).map(|_| Gram::new(n)).collect();
+    sums.iter().for_each(|block| total.iter_mut().zip(block).for_each(|(sum, gram)| sum.add(gram, 1.0)));
+    let best = |all: &[Gram]| {
+        let shares: Vec<f64> = all.iter().map(Gram::explained).collect();
+        let (top, share) = shares.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let inside = top > 0 && top + 1 < lags;
+        let shift = if inside {
+            let (before, after) = (shares[top - 1], shares[top + 1]);
+            let curve = before - 2.0 * share + after;
+            if curve < 0.0 { (0.5 * (before - after) / curve).clamp(-0.5, 0.5) } else { 0.0 }
+        } else {
+            0.0
+        };
+        Some((top, share, (top as f64 + shift - reach as f64) * step, inside))
+    };
+    let (top, explained, delay, inside) = best(&total)?;
+    let (correlation, gain) = total[top].first();
+    // Jackknife: all blocks but one.
+    let mut delays = Vec::with_capacity(sums.len());
+    let mut steady = true;
+    for out in &sums {
+        let mut rest = total.clone();
+        rest.iter_mut().zip(out).for_each(|(sum, gram)| sum.add(gram, -1.0));
+        let (_, _, delay, _) = best(&rest)?;
+        delays.push(delay);
+        let (other, size) = rest[top].first();
+        steady &= other * correlation > 0.0 && other.abs() > 0.5 * CLEAR && (0.5..2.0).contains(&(size / gain));
+    }
+    let k = delays.len() as f64;
+    let mean = delays.iter().sum::<f64>() / k;
+    let variance = delays.iter().map(|delay| (delay - mean).powi(2)).sum::<f64>() * (k - 1.0) / k;
+    // Lags are found on a grid: no delay is known better than a part of its step.
+    let delay_std = if inside { variance.sqrt().max(0.05 * step) } else { f64::INFINITY };
+    let explained_now = total[reach].explained();
+    Some(Answer { correlation, gain, steady, explained, explained_now, delay, delay_std })
+}
+
+/// Proportions that a wrong unit makes, its words, and what a map must say.
+const FACTORS: [(f64, &str); 12] = [
+    (std::f64::consts::PI / 180.0, "degrees instead of radians"),
+    (std::f64::consts::TAU, "turns instead of radians"),
+    (1.0 / 9.80665, "g instead of m/s2"),
+    (9.80665e-3, "mg instead of m/s2"),
+    (1.0 / 3.6, "km/h instead of m/s"),
+    (0.44704, "mph instead of m/s"),
+    (std::f64::consts::PI / 30.0, "rpm instead of rad/s"),
+    (1e-3, "thousandths (mm, ms, milli...) instead of the SI unit"),
+    (1e3, "thousands (km, kN.m, ...) instead of the SI unit"),
+    (1e-6, "millionths instead of the SI unit"),
+    (60.0, "per minute or in minutes instead of seconds"),
+    (1e-2, "hundredths (cm, %) instead of the SI unit"),
+];
+
+/// What the relations say is wrong. Relations with channels of `spoilt`, known to be bad, say nothing.
+pub fn check(signals: &Signals, relations: &[Relation], spoilt: &[String]) -> Vec<Finding> {
+    let bad = |channel: &String| spoilt.iter().any(|list| list.split(", ").any(|name| name == channel));
+    let answers: Vec<(&Relation, Answer)> = relations
+        .par_iter()
+        .filter(|relation| !relation.channels().any(bad))
+        .filter_map(|relation| Some((relation, answer(signals, relation)?)))
+        .collect();
+    let mut found = Vec::new();
+    let mut spoilt = Vec::new();
+    for (relation, answer) in &answers {
+        if let Some(finding) = gain(signals.log(), relation, answer) {
+            spoilt.extend(relation.y.channels.iter().chain(&relation.x[0].channels).cloned());
+            found.push((relation.what, finding));
+        }
+    }
+    let channels = |relation: &Relation| {
+        let mut all: Vec<String> = relation.channels().cloned().collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    };
+    for (relation, answer) in &answers {
+        let own = channels(relation);
+        // Of several ways to explain the same signals by a delay the best one counts.
+        let better = |other: &(&Relation, Answer)| channels(other.0) == own && other.1.explained > answer.explained;
+        if own.iter().any(|channel| spoilt.contains(channel)) || answers.iter().any(better) {
+            continue;
+        }
+        if let Some(late) = delay(signals, relation, answer)
+            && !found.iter().any(|(_, other)| other.code == late.code && other.channel == late.channel)
+        {
+            found.push((relation.what, late));
+        }
+    }
+    merged(found)
+}
+
+/// One finding for all joints that say the same.
+fn merged(found: Vec<(&str, Finding)>) -> Vec<Finding> {
+    let mut all: Vec<(&str, Finding)> = Vec::new();
+    for (what, finding) in found {
+        match all.iter_mut().find(|(other, first)| *other == what && first.code == finding.code) {
+            Some((_, first)) => first.channel = format!("{}, {}", first.channel, finding.channel),
+            None => all.push((what, finding)),
+        }
+    }
+    all.into_iter().map(|(_, finding)| finding).collect()
+}
+
+/// A proportion or a sign that cannot be.
+fn gain(log: &Log, relation: &Relation, answer: &Answer) -> Option<Finding> {
+    let (expected, factor, severity) = match relation.gain {
+        Gain::Same(factor) => (1.0, factor, Severity::Refusal),
+        Gain::About(size, factor) => (size, factor, Severity::Warning),
+        Gain::Any | Gain::Shown(..) => return None,
+    };
+    let rho = answer.correlation.abs();
+    if rho < CLEAR || !answer.steady {
+        return None;
+    }
+    let channel = format!("{}, {}", relation.y.names(), relation.x[0].names());
+    if answer.correlation < 0.0 {
+        let message = format!("{}: they have opposite signs (correlation {:.2})", relation.what, answer.correlation);
+        let what = "one of them has another sign convention (SAE: y right, z down; or a wheel counted backwards): scale = -1 in a column map";
+        return Some(finding(log, "sign-mismatch", severity, channel).says(message, what));
+    }
+    let ratio = answer.gain / expected;
+    let (least, most) = (ratio * rho, ratio / rho);
+    if most >= 1.0 / factor && least <= factor {
+        return None;
+    }
+    let near = |unit: f64| (ratio / unit).ln().abs() < (1.0 / rho).ln() + 0.18;
+    let mut words = Vec::new();
+    for (unit, word) in FACTORS {
+        // y = true / unit if y is recorded in that unit.
+        if near(1.0 / unit) {
+            words.push(format!("{} may be in {word}", relation.y.names()));
+        } else if near(unit) {
+            words.push(format!("{} may be in {word}", relation.x[0].names()));
+        }
+    }
+    let message = format!("{}: their proportion is {}, not {}", relation.what, short(answer.gain), short(expected));
+    let order = |term: &Term| term.parts.iter().map(|(_, order)| *order).max();
+    if order(&relation.y) != order(&relation.x[0]) {
+        words.push("the times may not be in s".to_owned());
+    }
+    let guess = if words.is_empty() { "check the units of both".to_owned() } else { words.join("; or ") };
+    let what = format!("{guess}; unit = \"...\" in a column map puts it right");
+    Some(finding(log, "unit-mismatch", severity, channel).says(message, what))
+}
+
+/// Channels that arrive late.
+fn delay(signals: &Signals, relation: &Relation, answer: &Answer) -> Option<Finding> {
+    let Answer { delay, delay_std, explained, .. } = *answer;
+    let harmless = HARMLESS.max(signals.period);
+    if !relation.delay || explained < EXPLAINED || delay.abs() - SURE * delay_std <= harmless {
+        return None;
+    }
+    if let Gain::Shown(size, factor) = relation.gain {
+        let ratio = answer.gain / size;
+        if !answer.steady || answer.correlation < CLEAR || ratio < 1.0 / factor || ratio > factor {
+            return None;
+        }
+    }
+    // A delay that leaves nearly as much unexplained as before explains nothing.
+    let shifted = relation.x.iter().chain([&relation.y]).filter(|term| term.side == Side::Late).count();
+    let worth = if shifted == 1 { WORTH.0 } else { WORTH.1 };
+    if 1.0 - answer.explained_now < worth * (1.0 - explained) {
+        return None;
+    }
+    let of = |side: Side| {
+        // Nuisances are not what the relation compares.
+        let compared = |term: &&Term| term.side == Side::Late || term.channels == relation.x[0].channels;
+        let nuisances = relation.x.iter().filter(compared);
+        let terms = nuisances.chain([&relation.y]).filter(|term| term.side == side);
+        let mut names: Vec<&str> = terms.flat_map(|term| term.channels.iter().map(String::as_str)).collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    };
+    let (mut late, mut early) = (of(Side::Late), of(Side::Model));
+    if delay < 0.0 {
+        std::mem::swap(&mut late, &mut early);
+    }
+    let (ms, std) = (1e3 * delay.abs(), 1e3 * delay_std);
+    let message = format!(
+        "arrives {ms:.0} ms ({:.0} to {:.0}) later than {} ({})",
+        ms - 2.0 * std,
+        ms + 2.0 * std,
+        early.join(", "),
+        relation.what
+    );
+    let what = "give the channels one clock, or shift the late ones back before the fit (a file or group of its own: offset in join)";
+    Some(finding(signals.log(), "delayed-channel", Severity::Warning, late.join(", ")).says(message, what))
+}

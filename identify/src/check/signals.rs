@@ -1,0 +1,105 @@
+//! The channels of a log on even steps, as relations take them.
+
+use super::Subject;
+use super::relation::{Side, Term};
+use crate::log::{Channel, Log};
+use crate::problem::Known;
+
+/// Channels on even steps with what is known of the machine.
+pub struct Signals<'a> {
+    /// The log with the channels of the fit only.
+    log: Log,
+    /// Time between two samples, s.
+    pub period: f64,
+    /// What is known of the machine.
+    pub known: &'a Known,
+}
+
+impl<'a> Signals<'a> {
+    /// Those channels of a log that the fit may use. What lies beyond an input's declared range is missing.
+    pub fn new(subject: &Subject<'a>, log: &Log) -> Self {
+        let mut own = log.slice(0..log.len(), |name| subject.reads(name));
+        // A sensor that never moves is a dead one; a command or a slope may well be constant.
+        let still = |values: &[f64]| {
+            let mut finite = values.iter().filter(|value| value.is_finite());
+            finite.next().is_none_or(|first| finite.all(|value| value == first))
+        };
+        own.channels.retain(|c| subject.input(&c.name).is_some_and(|input| input.held) || !still(&c.values));
+        for Channel { name, values } in &mut own.channels {
+            let Some(variable) = subject.input(name) else { continue };
+            let (low, high) = variable.range;
+            values.iter_mut().filter(|value| !(low..=high).contains(*value)).for_each(|value| *value = f64::NAN);
+        }
+        let (even, period) = own.on_even_steps();
+        let log = even.into_owned();
+        Self { log, period, known: subject.known }
+    }
+
+    /// Its samples.
+    pub fn len(&self) -> usize {
+        self.log.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.log.is_empty()
+    }
+
+    /// The log on even steps.
+    pub fn log(&self) -> &Log {
+        &self.log
+    }
+
+    /// A channel that holds samples.
+    pub fn channel(&self, name: &str) -> Option<&[f64]> {
+        self.log.channel(name).filter(|values| values.iter().any(|value| value.is_finite()))
+    }
+
+    /// A channel as a term, its `order`-th derivative to be taken.
+    pub fn term(&self, name: &str, order: usize) -> Option<Term> {
+        let values = self.channel(name)?.to_vec();
+        Some(Term { channels: vec![name.to_owned()], parts: vec![(values, order)], side: Side::Model })
+    }
+
+    /// A function of channels, sample by sample.
+    pub fn of<const N: usize>(
+        &self,
+        names: [&str; N],
+        order: usize,
+        function: impl Fn([f64; N]) -> f64,
+    ) -> Option<Term> {
+        let mut channels = [&[][..]; N];
+        for (slot, name) in channels.iter_mut().zip(names) {
+            *slot = self.channel(name)?;
+        }
+        let values = (0..self.len()).map(|k| function(channels.map(|values| values[k]))).collect();
+        let channels = names.iter().map(|name| (*name).to_owned()).collect();
+        Some(Term { channels, parts: vec![(values, order)], side: Side::Model })
+    }
+
+    /// The mean of those of the channels that are there.
+    pub fn mean(&self, names: &[&str], order: usize) -> Option<Term> {
+        let there: Vec<&str> = names.iter().copied().filter(|name| self.channel(name).is_some()).collect();
+        let mut sum = vec![0.0; self.len()];
+        for name in &there {
+            sum.iter_mut().zip(self.channel(name)?).for_each(|(sum, value)| *sum += value / there.len() as f64);
+        }
+        let channels: Vec<String> = there.iter().map(|name| (*name).to_owned()).collect();
+        (!channels.is_empty()).then_some(Term { channels, parts: vec![(sum, order)], side: Side::Model })
+    }
+
+    /// The product of two signals that are no derivatives, sample by sample.
+    pub fn product(&self, one: &Term, other: Option<&Term>) -> Option<Term> {
+        let other = other?;
+        let sum = |term: &Term, k: usize| term.parts.iter().map(|(values, _)| values[k]).sum::<f64>();
+        let values = (0..self.len()).map(|k| sum(one, k) * sum(other, k)).collect();
+        let channels = one.channels.iter().chain(&other.channels).cloned().collect();
+        Some(Term { channels, parts: vec![(values, 0)], side: Side::Model })
+    }
+
+    /// The smoothed slope of a signal, as a signal of its own that can be multiplied.
+    pub fn slope(&self, term: &Term) -> Term {
+        let values = super::relation::slope(term, self.period);
+        Term { channels: term.channels.clone(), parts: vec![(values, 0)], side: Side::Model }
+    }
+}

@@ -1,0 +1,86 @@
+//! What a four-wheeled robot's log must be like: channels, and those that say the same in two ways.
+
+use crate::check::{Checks, Gain, Relation, Signals};
+
+/// The checks.
+pub const CHECKS: Checks = Checks {
+    required: &[&["steering_angle"], &["accel_y"], &["gyro_z"], &["speed_y"], &["speed_x", "speed"]],
+    optional: &[
+        (
+            "drive_torque_*",
+            "longitudinal wheel forces come from the accelerations, and rolling.coefficient stays unknown",
+        ),
+        ("wheel_speed_*", "longitudinal wheel forces come from the torques alone"),
+        ("accel_x", "the slope of the speed takes its place"),
+    ],
+    // The smoothing window of 0.2 s has five samples.
+    slowest: 0.05,
+    gravity: &[],
+    relations,
+};
+
+const WHEELS: [&str; 4] = ["wheel_speed_fl", "wheel_speed_fr", "wheel_speed_rl", "wheel_speed_rr"];
+
+/// ```text
+/// v_x = R mean(w_i),                a_x = dv_x/dt - r v_y,     a_y = dv_y/dt + r v_x
+/// r = R (w_right - w_left)/track,   r = v_x tan(delta)/L / (1 + understeer)
+/// ```
+fn relations(signals: &Signals) -> Vec<Relation> {
+    let get = |name: &str| signals.known.get(name);
+    let radius = get("wheel.radius");
+    let base = get("vehicle.cg_to_front") + get("vehicle.cg_to_rear");
+    let ahead = ["speed_x", "speed"].into_iter().find(|name| signals.channel(name).is_some());
+    let mut all = Vec::new();
+    let wheels = signals.mean(&WHEELS, 0).map(|term| term.times(radius));
+    // Tyres that pull slip: wheels then run ahead of the speed in proportion to the force, as if they were early.
+    let pull = ["drive_torque_", "brake_torque_"].map(|stem| {
+        let names = ["fl", "fr", "rl", "rr"].map(|wheel| format!("{stem}{wheel}"));
+        signals.mean(&names.each_ref().map(String::as_str), 0)
+    });
+    let slip = match pull {
+        [Some(drive), brake] => signals.product(&drive.plus(brake.map(|term| term.times(-1.0))), wheels.as_ref()),
+        _ => None,
+    };
+    for (what, name) in
+        [("speed_x against wheel speed times radius", "speed_x"), ("speed against wheel speed times radius", "speed")]
+    {
+        if let (Some(y), Some(x)) = (signals.term(name, 0), wheels.clone()) {
+            let (delay, x) = (slip.is_some(), [Some(x), slip.clone()].into_iter().flatten().collect());
+            all.push(Relation { what, y: y.late(), x, gain: Gain::Same(2.0), constant: false, delay });
+        }
+    }
+    if let Some(ahead) = ahead {
+        let turning = signals.of(["gyro_z", "speed_y"], 0, |[r, v]| -r * v);
+        if let (Some(y), Some(x)) = (signals.term("accel_x", 0), signals.term(ahead, 1)) {
+            let what = "accel_x against the slope of the speed";
+            let x = vec![x.plus(turning)];
+            all.push(Relation { what, y: y.late(), x, gain: Gain::Same(2.5), constant: true, delay: true });
+        }
+        let turning = signals.of(["gyro_z", ahead], 0, |[r, v]| r * v);
+        if let (Some(y), Some(x)) = (signals.term("accel_y", 0), turning) {
+            let what = "accel_y against yaw rate times speed";
+            // Without the lateral speed its change is missing, which comes before the turn.
+            let (delay, x) = (signals.channel("speed_y").is_some(), vec![x.plus(signals.term("speed_y", 1))]);
+            all.push(Relation { what, y: y.late(), x, gain: Gain::Same(2.5), constant: true, delay });
+        }
+        let rest = signals.of(["accel_y", "gyro_z", ahead], 0, |[a, r, v]| a - r * v);
+        if let (Some(y), Some(x)) = (rest, signals.term("speed_y", 1)) {
+            let what = "the change of speed_y against accel_y less yaw rate times speed";
+            all.push(Relation { what, y, x: vec![x], gain: Gain::Same(2.5), constant: true, delay: false });
+        }
+        let steered = signals.of(["steering_angle", ahead], 0, |[delta, v]| v * delta.tan() / base);
+        if let (Some(y), Some(x)) = (signals.term("gyro_z", 0), steered) {
+            let what = "yaw rate against speed times steering angle over wheelbase";
+            // Understeer, and the lag of the turn: the sign and the size tell, a delay does not.
+            let factor = if signals.known.is_set("vehicle.cg_to_front") { 6.0 } else { 20.0 };
+            all.push(Relation { what, y, x: vec![x], gain: Gain::About(1.0, factor), constant: true, delay: false });
+        }
+    }
+    let track = get("vehicle.track_rear");
+    let turned = signals.of(["wheel_speed_rl", "wheel_speed_rr"], 0, |[left, right]| radius * (right - left) / track);
+    if let (Some(y), Some(x)) = (signals.term("gyro_z", 0), turned) {
+        let what = "yaw rate against the rear wheels' difference over track";
+        all.push(Relation { what, y: y.late(), x: vec![x], gain: Gain::Same(3.0), constant: true, delay: true });
+    }
+    all
+}
