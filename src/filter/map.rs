@@ -212,18 +212,6 @@ impl Map {
         &self.ldl
     }
 
-    /// Bytes held, the second method's included.
-    pub fn bytes(&self) -> usize {
-        let entries = self.column.len();
-        self.ldl.bytes()
-            + self.qr.bytes()
-            + 12 * (self.products.len() + self.constant_pairs.len())
-            + 4 * (self.constant_rows.len() + self.pair_slot.len())
-            + 8 * self.pair_start.len()
-            + 20 * entries
-            + 8 * (2 * self.start.len() + self.constant.len() + 5 * self.x.len())
-    }
-
     /// Writes `Lambda` into the factor's place.
     fn assemble(&mut self, numbers: &Numbers) {
         if self.last_weight != numbers.weight || self.last_precision != numbers.precision {

@@ -112,10 +112,4 @@ impl Causal {
         let samples = ring[oldest..].iter().chain(&ring[..oldest]);
         samples.zip(&self.next).map(|(x, w)| w * x).sum()
     }
-
-    /// `sum w^2` of the first and second derivative: how much each multiplies a sample's variance.
-    pub fn noise_gain(&self) -> (f64, f64) {
-        let squares = |w: &[f64]| w.iter().map(|x| x * x).sum();
-        (squares(&self.first), squares(&self.second))
-    }
 }

@@ -118,12 +118,6 @@ impl SparseLdl {
         self.start.windows(2).map(|w| (w[1] - w[0]) * (w[1] - w[0] + 2)).sum()
     }
 
-    /// Bytes of all lists.
-    pub fn bytes(&self) -> usize {
-        let n = self.len();
-        8 * (3 * n + 1 + 2 * self.row.len()) + 4 * (2 * n + self.row.len() + self.target.len())
-    }
-
     /// Slot of the entry `(i, j)` in [`values_mut`](Self::values_mut), if it is in the pattern:
     /// diagonals first.
     pub fn slot(&self, i: usize, j: usize) -> Option<usize> {

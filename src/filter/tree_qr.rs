@@ -135,15 +135,6 @@ impl TreeQr {
         }
     }
 
-    /// Bytes held.
-    pub fn bytes(&self) -> usize {
-        let lists = [&self.triangle, &self.message, &self.covariance];
-        let numbers: usize = lists.iter().flat_map(|list| list.iter()).map(Vec::len).sum();
-        8 * (numbers + self.dense.len() + self.gain.len() + self.solution.len())
-            + 4 * (self.column.len() + self.local.len())
-            + 8 * self.start.len()
-    }
-
     /// Eliminates all fronts and solves for the mean.
     pub fn factor(&mut self, numbers: &Numbers) -> Result<(), RankDeficient> {
         for f in 0..self.fronts.len() {

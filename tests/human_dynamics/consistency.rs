@@ -2,6 +2,7 @@
 //! large as the variances say.
 
 use super::cases::*;
+use crate::counting::held_bytes;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -345,7 +346,11 @@ fn work_is_linear_in_the_number_of_links() {
         let sensors = random_sensors(&mut draw, &tree, true);
         let body = WholeBody::new(tree, Base::Moving, sensors, &Variances::default()).unwrap();
         let map = body.map();
-        (map.ldl().factor_flops() as f64, map.ldl().nonzeros() as f64, map.bytes() as f64)
+        let before = held_bytes();
+        let copy = map.clone();
+        let held = held_bytes() - before;
+        drop(copy);
+        (map.ldl().factor_flops() as f64, map.ldl().nonzeros() as f64, held as f64)
     };
     let (small, large) = (size(50), size(200));
     println!("50 links: {small:?}, 200 links: {large:?}");
