@@ -73,3 +73,51 @@ fn the_reported_noise_of_white_residuals_scatters_by_some_per_cent() {
     assert!((1.0..1.1).contains(&mean), "{mean}");
     assert!(scatter < 0.12, "{scatter}");
 }
+
+#[test]
+fn a_stored_filter_with_an_impossible_number_is_not_valid() {
+    let filter = Noisy::new().rls;
+    assert!(filter.is_valid());
+    let stored = serde_json::to_value(filter).unwrap();
+    for (group, name, value) in [
+        ("", "/covariance", 0.0),
+        ("", "/covariance", -1.0),
+        ("", "/forgetting", 0.0),
+        ("", "/forgetting", -0.5),
+        ("/noise", "/weight", 0.0),
+        ("/noise", "/weight", -1.0),
+        ("/noise", "/power", -1e-9),
+    ] {
+        let mut spoilt = stored.clone();
+        *spoilt.pointer_mut(&format!("{group}{name}")).unwrap() = value.into();
+        let spoilt: Rls<0> = serde_json::from_value(spoilt).unwrap();
+        assert!(!spoilt.is_valid(), "{group}{name} = {value}");
+    }
+}
+
+/// With a memory for the error only one that keeps its sign relative to the regressor is forgotten fast: the estimate is
+/// wrong then, and the sample is not merely noisy.
+#[test]
+fn an_error_that_persists_is_forgotten_fast_and_noise_of_the_same_size_is_not() {
+    let config = Config {
+        forgetting: Forgetting::Threshold { fast: 0.9, slow: 0.999, low: 0.2, high: 1.0 },
+        covariance: (1e-6, 1e6),
+        persistence: 0.5,
+        ..config()
+    };
+    let run = |residual: &dyn Fn(usize, f64) -> f64| {
+        let mut rls: Rls<0> = Rls::new(&config, 0.0);
+        rls.correct(&config, 1.0, 0.0, &[], DT);
+        let mut least = 1.0_f64;
+        for k in 0..400 {
+            let regressor = if k % 2 == 0 { 1e-3 } else { -1e-3 };
+            rls.correct(&config, regressor, residual(k, regressor), &[], DT);
+            least = least.min(rls.forgetting);
+        }
+        least
+    };
+    let persistent = run(&|_, regressor| 1.5 * regressor.signum());
+    let noisy = run(&|k, _| if k % 4 < 2 { 1.5 } else { -1.5 });
+    assert!(persistent < 0.91, "a wrong estimate: {persistent}");
+    assert!(noisy > 0.998, "noise: {noisy}");
+}

@@ -360,3 +360,37 @@ fn parameters_are_checked() {
     refused("body.mass", f64::NAN);
     assert!(refused("differentiation.window", 24.0).contains("odd"));
 }
+
+/// Every input that no sensor reads is left alone, and every one that a sensor reads counts.
+#[test]
+fn exactly_the_inputs_of_the_sensors_that_are_switched_on_change_the_estimates() {
+    let parts: [(&str, &[&str]); 6] = [
+        ("use.joint_acceleration", &["qdd_"]),
+        ("use.base_acceleration", &["base_accel_", "base_angular_accel_"]),
+        ("use.seat_wrench", &["seat_"]),
+        ("use.imu", &["imu_"]),
+        ("use.hand_wrench", &["right_hand_", "left_hand_"]),
+        ("use.foot_wrench", &["right_foot_", "left_foot_"]),
+    ];
+    let declared = Inputs::declare();
+    for (on, _) in parts {
+        let only: Vec<(&str, f64)> = parts.iter().map(|(name, _)| (*name, f64::from(u8::from(*name == on)))).collect();
+        let mut estimator = estimator(&only);
+        let inputs = sitting();
+        estimator.step(&inputs, 0.01);
+        let before = outputs(&estimator, &inputs);
+        for (index, input) in declared.iter().enumerate() {
+            let Some((part, _)) = parts.iter().find(|(_, stems)| stems.iter().any(|s| input.name.starts_with(s)))
+            else {
+                continue;
+            };
+            let mut flat = inputs.to_vec();
+            flat[index] += 1.0;
+            let mut changed = inputs.clone();
+            changed.read(&flat);
+            estimator.step(&changed, 0.01);
+            let now = outputs(&estimator, &changed);
+            assert_eq!(now.tau != before.tau, *part == on, "{} with {on} alone", input.name);
+        }
+    }
+}

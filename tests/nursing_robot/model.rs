@@ -13,7 +13,7 @@ fn lagrange() -> Lagrange {
     Lagrange { robot, yaw_inertia: 20.0, rolling, human, mass: human.nominal_mass }
 }
 
-fn plant() -> NursingRobotPlant {
+pub fn plant() -> NursingRobotPlant {
     let Lagrange { robot, yaw_inertia, rolling, human, mass } = lagrange();
     let chassis = Chassis {
         mass: robot.mass,

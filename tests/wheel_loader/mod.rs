@@ -1,6 +1,7 @@
 //! The wheel loader: slip stiffness and centre of mass.
 
 mod allocation;
+mod consistency;
 mod filterpy;
 mod inputs;
 mod model;

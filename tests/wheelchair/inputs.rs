@@ -288,22 +288,86 @@ fn the_gate_lets_every_eleventh_outlier_through() {
 #[test]
 fn one_wheel_alone_still_measures() {
     let rows = rows();
-    let mut one = warm(Kind::Basic, &rows, 200);
-    let mut none = one.clone();
-    for row in &rows[200..300] {
-        let mut inputs = row.inputs.clone();
-        inputs.encoder_left = f64::NAN;
-        one.step(&inputs, 0.01);
-        inputs.encoder_right = f64::NAN;
-        none.step(&inputs, 0.01);
+    // The right wheel travels s + T/2 (alpha - alpha_0) exactly, whatever its parts are, the left one s - T/2 of it.
+    for half_track in [0.27, -0.27] {
+        let mut one = warm(Kind::Basic, &rows, 200);
+        let mut none = one.clone();
+        for row in &rows[200..300] {
+            let mut inputs = row.inputs.clone();
+            let (first, last) = match half_track > 0.0 {
+                true => (&mut inputs.encoder_left, &mut inputs.encoder_right),
+                false => (&mut inputs.encoder_right, &mut inputs.encoder_left),
+            };
+            *first = f64::NAN;
+            let kept = std::mem::replace(last, f64::NAN);
+            none.step(&inputs, 0.01);
+            *(if half_track > 0.0 { &mut inputs.encoder_right } else { &mut inputs.encoder_left }) = kept;
+            one.step(&inputs, 0.01);
+        }
+        let (one, none, truth) = (outputs(&one, &rows[299].inputs), outputs(&none, &rows[299].inputs), rows[299].truth);
+        assert!((one.speed.value - truth.speed).abs() < 0.03, "{} {}", one.speed.value, truth.speed);
+        assert!(one.speed.std < 0.7 * none.speed.std);
+        let wheel = |o: &Outputs| o.distance.value + half_track * o.heading.value;
+        let pitch_travel = 0.305 * truth.pitch;
+        assert!((wheel(&one) - truth.distance - half_track * truth.heading - pitch_travel).abs() < 0.004);
     }
-    let (one, none, truth) = (outputs(&one, &rows[299].inputs), outputs(&none, &rows[299].inputs), rows[299].truth);
-    assert!((one.speed.value - truth.speed).abs() < 0.03, "{} {}", one.speed.value, truth.speed);
-    assert!(one.speed.std < 0.7 * none.speed.std);
-    // The right wheel travels s + T/2 (alpha - alpha_0) exactly, whatever its parts are.
-    let wheel = |o: &Outputs| o.distance.value + 0.27 * o.heading.value;
-    let pitch_travel = 0.305 * truth.pitch;
-    assert!((wheel(&one) - truth.distance - 0.27 * truth.heading - pitch_travel).abs() < 0.004);
+}
+
+/// Within the bands that tell rest from motion a chair may have begun to move, however sure the filter was of its rest.
+#[test]
+fn after_a_standstill_speed_and_yaw_rate_may_be_what_the_bands_have_hidden() {
+    let p = parameters(Kind::Bias);
+    let mut estimator = Wheelchair::new(&p).unwrap();
+    let mut inputs = Inputs {
+        encoder_left: 0.0,
+        encoder_right: 0.0,
+        gyro_pitch: 0.0,
+        accel_x: 0.0,
+        accel_y: 0.0,
+        accel_z: 9.80665,
+        drive_force: 0.0,
+        drive_moment: 0.0,
+    };
+    let mut status = Status::OK;
+    for _ in 0..200 {
+        status = estimator.step(&inputs, 0.01);
+    }
+    assert!(status.contains(Status::STANDSTILL));
+    let before = outputs(&estimator, &inputs);
+    // a push that the wheels do not show
+    (inputs.encoder_left, inputs.encoder_right, inputs.accel_x) = (f64::NAN, f64::NAN, 1.0);
+    assert!(!estimator.step(&inputs, 0.01).contains(Status::STANDSTILL));
+    let after = outputs(&estimator, &inputs);
+    let (speed, yaw_rate) = (p.standstill.distance_band / 0.05, p.standstill.heading_band / 0.05);
+    assert!(before.speed.std < 0.5 * speed && after.speed.std > 0.8 * speed, "{:?} {:?}", before.speed, after.speed);
+    let [before, after] = [before, after].map(|outputs| outputs.yaw_rate.std);
+    assert!(before < 0.5 * yaw_rate && after > 0.8 * yaw_rate, "{before} {after} of {yaw_rate} rad/s");
+}
+
+/// A chair at rest elsewhere weighs what gravity makes of it.
+#[test]
+fn gravity_is_what_the_parameter_says() {
+    let run = |gravity: f64| {
+        let mut p = parameters(Kind::Bias);
+        p.gravity = gravity;
+        let mut estimator = Wheelchair::new(&p).unwrap();
+        let inputs = Inputs {
+            encoder_left: 0.0,
+            encoder_right: 0.0,
+            gyro_pitch: 0.0,
+            accel_x: 0.0,
+            accel_y: 0.0,
+            accel_z: 9.6,
+            drive_force: 0.0,
+            drive_moment: 0.0,
+        };
+        for _ in 0..200 {
+            estimator.step(&inputs, 0.01);
+        }
+        outputs(&estimator, &inputs).accel_z_bias.value
+    };
+    assert!(run(9.6).abs() < 0.01, "{}", run(9.6));
+    assert!((run(9.8) + 0.2).abs() < 0.05, "{}", run(9.8));
 }
 
 /// Counters that begin anywhere, and counters that restart on the way.

@@ -200,6 +200,9 @@ fn parameters_are_refused_by_name() {
     assert!(WheeledRobot::new(&p).unwrap().machine().warning().unwrap().contains("0.5"));
     p.observer.gain = 90.0;
     assert_eq!(WheeledRobot::new(&p).unwrap_err().name, "observer.steepness");
+    (p.observer.gain, p.observer.amplitude) = (50.0, 50.0 / p.observer.steepness);
+    assert_eq!((p.observer.gain + p.observer.amplitude * p.observer.steepness) * p.sample_period, 1.0);
+    assert!(WheeledRobot::new(&p).is_ok(), "the limit itself is allowed");
     // integration at low speed
     let mut p = Parameters::default();
     p.filter.substeps = 2;
