@@ -128,13 +128,13 @@ pub type Noise = Reading;
 pub struct Truth {
     /// Path of the axle's midpoint, m.
     pub distance: f64,
-    /// Heading relative to the contour line, rad.
+    /// Heading relative to the contour line, rad; across a second tilt within half a turn, and 0 on the flat.
     pub heading: f64,
     /// Forward speed, m/s.
     pub speed: f64,
     /// Yaw rate about the plane's normal, rad/s.
     pub yaw_rate: f64,
-    /// Tilt of the plane, rad.
+    /// Tilt of the plane, rad; not negative where it has a second tilt.
     pub slope: f64,
     /// Its rate, rad/s.
     pub slope_rate: f64,
@@ -150,6 +150,7 @@ type Motion = SVector<f64, 6>;
 pub struct Plant {
     body: Body,
     ramp: Ramp,
+    cross: Option<Ramp>,
     actuation: Actuation,
     sensors: Sensors,
     time: f64,
@@ -172,7 +173,13 @@ impl Plant {
     /// A chair at rest at the start of a ramp.
     pub fn new(body: Body, ramp: Ramp, actuation: Actuation, sensors: Sensors, heading: f64) -> Self {
         let motion = Motion::from([0.0, heading, 0.0, 0.0, 0.0, 0.0]);
-        Self { body, ramp, actuation, sensors, time: 0.0, motion, braked: false }
+        Self { body, ramp, cross: None, actuation, sensors, time: 0.0, motion, braked: false }
+    }
+
+    /// The same on ground that tilts sideways as well: about the line that is uphill on the ramp, down on the right
+    /// side of who climbs it if positive. The plane's slope and contour line then follow from both tilts.
+    pub fn across(self, cross: Ramp) -> Self {
+        Self { cross: Some(cross), ..self }
     }
 
     /// Sets speed and yaw rate.
@@ -187,14 +194,21 @@ impl Plant {
 
     fn pose(&self, time: f64, heading: f64, yaw_rate: f64) -> Pose {
         let [tilt, rate, change] = self.ramp.at(time);
+        let [roll, roll_rate, roll_change] = self.cross.map_or([0.0; 3], |cross| cross.at(time));
         let contour = Vector3::x();
         let uphill = Vector3::new(0.0, tilt.cos(), tilt.sin());
-        let normal = contour.cross(&uphill);
-        let ahead = contour * heading.cos() + uphill * heading.sin();
+        // Turned about `uphill` by `roll`, which lowers what lies along the contour.
+        let sideways = contour * roll.cos() - contour.cross(&uphill) * roll.sin();
+        let normal = sideways.cross(&uphill);
+        let ahead = sideways * heading.cos() + uphill * heading.sin();
         let left = normal.cross(&ahead);
-        let spin = contour * rate + normal * yaw_rate;
-        // The normal itself turns with the plane.
-        let spin_change = contour * change + (contour * rate).cross(&normal) * yaw_rate;
+        let plane_spin = contour * rate + uphill * roll_rate;
+        let spin = plane_spin + normal * yaw_rate;
+        // The line of the second turn turns with the first, and the normal with both.
+        let spin_change = contour * change
+            + uphill * roll_change
+            + (contour * rate).cross(&uphill) * roll_rate
+            + plane_spin.cross(&normal) * yaw_rate;
         Pose { axes: [ahead, left, normal], spin, spin_change, normal }
     }
 
@@ -273,14 +287,25 @@ impl Plant {
     pub fn truth(&self) -> Truth {
         let [tilt, rate, _] = self.ramp.at(self.time);
         let pose = self.pose(self.time, self.motion[1], self.motion[3]);
+        let [ahead, _, normal] = pose.axes;
+        let (mut heading, mut slope, mut slope_rate) = (self.motion[1], tilt, rate);
+        if self.cross.is_some() {
+            let (sine, cosine) = (normal.x.hypot(normal.y), normal.z);
+            slope = sine.atan2(cosine);
+            let normal_rate = pose.spin.cross(&normal);
+            slope_rate = if sine > 0.0 { -normal_rate.z / sine } else { 0.0 };
+            // Uphill is against the horizontal part of the normal; the contour line lies to its right.
+            let uphill = Vector3::z() - normal * cosine;
+            heading = if sine > 0.0 { ahead.dot(&uphill).atan2(ahead.dot(&uphill.cross(&normal))) } else { 0.0 };
+        }
         Truth {
             distance: self.motion[0],
-            heading: self.motion[1],
+            heading,
             speed: self.motion[2],
             yaw_rate: self.motion[3],
-            slope: tilt,
-            slope_rate: rate,
-            pitch: pose.axes[0].z.asin(),
+            slope,
+            slope_rate,
+            pitch: ahead.z.asin(),
         }
     }
 
