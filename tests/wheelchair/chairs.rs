@@ -71,6 +71,7 @@ pub fn reference_noise(run: &serde_json::Value) -> Noise {
         accel_bias: density(4),
         heading_offset: density(5),
         force_offset: 0.0,
+        moment_offset: 0.0,
         encoder: std("sig_theta"),
         gyro: std("sig_gyro"),
         accel: std("sig_acc"),

@@ -195,13 +195,16 @@ fn jacobians_of_all_forms_are_the_slopes_of_their_functions() {
 
             let mut all = biased_gravity::State::zeros();
             all.fixed_rows_mut::<8>(0).copy_from(&x);
-            all.fixed_rows_mut::<6>(8).copy_from(&SVector::from([0.01, -0.04, 0.03, 0.05, 0.1, -4.0]));
+            all.fixed_rows_mut::<7>(8).copy_from(&SVector::from([0.01, -0.04, 0.03, 0.05, 0.1, -4.0, 1.5]));
             let rate = |x: &_| biased_gravity::derivative(&chair, x, &u, still);
             let jacobian = whole(&biased_gravity::linearise(&chair, &all, &u, still).1);
             same_slope("biased gravity F", &jacobian, &differences(&all, rate));
             let sensors = |x: &_| biased_gravity::output(&chair, x, &u, still);
             let jacobian = biased_gravity::observe(&chair, &all, &u, still).1;
             same_slope("biased gravity H", &jacobian, &differences(&all, sensors));
+            let rate = |x: &_| biased_gravity::driven_derivative(&chair, x, &u, 0.7, still);
+            let jacobian = whole(&biased_gravity::driven_linearise(&chair, &all, &u, 0.7, still).1);
+            same_slope("driven gravity F", &jacobian, &differences(&all, rate));
         }
     }
 }

@@ -4,6 +4,7 @@
 //! reference runs check; [`Wheelchair`](super::Wheelchair) puts inputs, standstill and outputs around it.
 
 use super::outliers::{ACCEL_X, downweight};
+use super::watch::{LEFT, Watch};
 use crate::filter::discretise::{runge_kutta, runge_kutta_from, substeps, transition};
 use crate::filter::ekf::{self, NotPositiveDefinite, Rows};
 use crate::filter::gaussian::Gaussian;
@@ -29,6 +30,8 @@ pub struct Noise {
     pub heading_offset: f64,
     /// Drift of an unmodelled force, N^2/s.
     pub force_offset: f64,
+    /// Drift of an unmodelled moment, (N m)^2/s.
+    pub moment_offset: f64,
     /// One wheel angle, rad.
     pub encoder: f64,
     /// Gyro, rad/s.
@@ -79,6 +82,8 @@ pub trait Form<const N: usize, const K: usize, const P: usize> {
     /// The states that say how the ground is tilted.
     const TILT: &'static [usize];
 
+    /// The heading relative to the one line across which the ground may tilt; none where it may tilt any way.
+    fn heading_to_contour(x: &SVector<f64, N>) -> Option<f64>;
     /// Whether the measured forward acceleration drives the motion instead of being a measurement.
     fn takes_acceleration(&self) -> bool {
         false
@@ -123,6 +128,8 @@ pub struct Drive {
     pub command: Command,
     /// Measured forward specific force, m/s^2, for the form that is driven by it.
     pub accel_x: Option<f64>,
+    /// Variance of the vibration in it, (m/s^2)^2.
+    pub vibration: f64,
     /// The chair stands still.
     pub still: bool,
 }
@@ -173,7 +180,8 @@ impl<F> ChairEkf<F> {
         let h = dt / steps as f64;
         // An acceleration measured once and held over dt is white noise of this density.
         let driven = self.form.is_driven_by_acceleration(drive);
-        let density = if driven { self.noise.accel * self.noise.accel * dt } else { self.noise.speed };
+        let variance = self.noise.accel * self.noise.accel + drive.vibration;
+        let density = if driven { variance * dt } else { self.noise.speed };
         for _ in 0..steps {
             let (rate, jacobian) = self.form.linearise(&self.chair, &belief.mean, drive);
             let mean = runge_kutta_from(&belief.mean, &rate, h, |x| self.form.derivative(&self.chair, x, drive));
@@ -211,7 +219,46 @@ impl<F> ChairEkf<F> {
     where
         F: Form<N, K, P>,
     {
+        self.correct_rows(belief, counters, self.rows(belief, sample, drive), drive)
+    }
+
+    /// [`correct`](Self::correct) by a sample that came `dt` seconds after the last one, with a watch over what the filter
+    /// takes as given.
+    pub fn correct_watched<const N: usize, const K: usize, const P: usize>(
+        &self,
+        belief: &mut Gaussian<N>,
+        counters: &mut [u32; 6],
+        (watch, dt): (&mut Watch, f64),
+        sample: &Sample,
+        drive: &Drive,
+    ) -> Result<Correction, NotPositiveDefinite>
+    where
+        F: Form<N, K, P>,
+    {
         let mut rows = self.rows(belief, sample, drive);
+        watch.vibration.add(&mut rows, self.noise.accel * self.noise.accel, dt);
+        let mut contradicted = false;
+        if let Some(alpha) = F::heading_to_contour(&belief.mean) {
+            contradicted = watch.hold_against_contour(alpha, self.chair.gravity, belief, &rows, dt)
+                && rows.used[LEFT]
+                && self.gate.deviations <= 0.0;
+            rows.used[LEFT] &= !contradicted;
+        }
+        let mut done = self.correct_rows(belief, counters, rows, drive)?;
+        done.sensors.rejected[LEFT] |= contradicted;
+        Ok(done)
+    }
+
+    fn correct_rows<const N: usize, const K: usize, const P: usize>(
+        &self,
+        belief: &mut Gaussian<N>,
+        counters: &mut [u32; 6],
+        mut rows: Rows<N, 6>,
+        drive: &Drive,
+    ) -> Result<Correction, NotPositiveDefinite>
+    where
+        F: Form<N, K, P>,
+    {
         // Without a gate nothing else uses its counters.
         let robust = self.limits.outlier_threshold > 0.0 && self.gate.deviations <= 0.0;
         let impact = if robust {

@@ -30,9 +30,12 @@ pub enum Mover {
     TippingAcceleration,
 }
 
-/// Fourteen states with the direction of gravity: [`biased_gravity::State`].
+/// Fifteen states with the direction of gravity: [`biased_gravity::State`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GravityVector;
+pub struct GravityVector {
+    /// What moves the chair.
+    pub mover: Mover,
+}
 
 /// Adds the noise of (position, rate) pairs.
 fn add_paired_noise<const N: usize>(
@@ -71,8 +74,14 @@ fn chair_pairs(noise: &Noise, speed: f64) -> [(usize, usize, f64); 3] {
     [(model::S, model::V, speed), (model::ALPHA, model::R, noise.yaw_rate), (model::XI, model::W, noise.slope_rate)]
 }
 
-/// Adds what the noise of the pair (slope, its rate) does to the pair (distance, speed), `gain` times as much.
-fn add_tipping_noise(covariance: &mut SMatrix<f64, 13, 13>, dt: f64, density: f64, gain: f64) {
+/// Adds what the noise of the pair `(slope, its rate)` does to the pair (distance, speed), `gain` times as much.
+fn add_tipping_noise<const N: usize>(
+    covariance: &mut SMatrix<f64, N, N>,
+    dt: f64,
+    density: f64,
+    gain: f64,
+    [s, v, slope, rate]: [usize; 4],
+) {
     let (a, b, c) = white_rate_noise(density, dt);
     let (own, mut mixed) = (gain * gain, |i, j, value| {
         covariance[(i, j)] += value;
@@ -80,13 +89,13 @@ fn add_tipping_noise(covariance: &mut SMatrix<f64, 13, 13>, dt: f64, density: f6
             covariance[(j, i)] += value;
         }
     });
-    mixed(model::S, model::S, own * a);
-    mixed(model::S, model::V, own * b);
-    mixed(model::V, model::V, own * c);
-    mixed(model::S, model::XI, gain * a);
-    mixed(model::S, model::W, gain * b);
-    mixed(model::V, model::XI, gain * b);
-    mixed(model::V, model::W, gain * c);
+    mixed(s, s, own * a);
+    mixed(s, v, own * b);
+    mixed(v, v, own * c);
+    mixed(s, slope, gain * a);
+    mixed(s, rate, gain * b);
+    mixed(v, slope, gain * b);
+    mixed(v, rate, gain * c);
 }
 
 fn outer(lever: Vector3<f64>) -> Matrix3<f64> {
@@ -99,6 +108,9 @@ impl Form<6, 5, 3> for Basic {
     const POSE: [usize; 2] = [model::S, model::ALPHA];
     const TILT: &'static [usize] = &[model::XI];
 
+    fn heading_to_contour(x: &model::State) -> Option<f64> {
+        Some(x[model::ALPHA])
+    }
     fn derivative(&self, chair: &Chair, x: &model::State, drive: &Drive) -> model::State {
         model::derivative(chair, x, &drive.command, drive.still)
     }
@@ -120,6 +132,9 @@ impl Form<13, 5, 3> for Biased {
     const POSE: [usize; 2] = [model::S, model::ALPHA];
     const TILT: &'static [usize] = &[model::XI];
 
+    fn heading_to_contour(x: &model::BiasedState) -> Option<f64> {
+        Some(x[model::ALPHA])
+    }
     fn takes_acceleration(&self) -> bool {
         self.mover != Mover::Force
     }
@@ -160,7 +175,8 @@ impl Form<13, 5, 3> for Biased {
         add_drift(covariance, dt, model::GYRO_BIAS, drift);
         if self.mover == Mover::TippingAcceleration && self.is_driven_by_acceleration(drive) {
             let lever = model::tilt_lever(chair, belief.mean[model::ALPHA])[0];
-            add_tipping_noise(covariance, dt, noise.slope_rate, -lever);
+            let states = [model::S, model::V, model::XI, model::W];
+            add_tipping_noise(covariance, dt, noise.slope_rate, -lever, states);
         }
     }
     fn observe(&self, chair: &Chair, x: &model::BiasedState, drive: &Drive) -> Expected<13> {
@@ -169,27 +185,41 @@ impl Form<13, 5, 3> for Biased {
     }
 }
 
-/// The rates of pitch and roll, the biases and the force's errors do not move.
-impl Form<14, 6, 4> for GravityVector {
+/// The rates of pitch and roll, the biases and the errors of force and moment do not move.
+impl Form<15, 6, 4> for GravityVector {
     const AT_REST: [usize; 4] = [gravity::V, gravity::R, gravity::WP, gravity::WR];
     const POSE: [usize; 2] = [gravity::S, gravity::PSI];
     const TILT: &'static [usize] = &[gravity::GX, gravity::GY];
 
+    fn heading_to_contour(_: &biased_gravity::State) -> Option<f64> {
+        None
+    }
+    fn takes_acceleration(&self) -> bool {
+        self.mover != Mover::Force
+    }
     fn derivative(&self, chair: &Chair, x: &biased_gravity::State, drive: &Drive) -> biased_gravity::State {
-        biased_gravity::derivative(chair, x, &drive.command, drive.still)
+        let (u, still) = (&drive.command, drive.still);
+        match drive.accel_x {
+            Some(a) if self.takes_acceleration() => biased_gravity::driven_derivative(chair, x, u, a, still),
+            _ => biased_gravity::derivative(chair, x, u, still),
+        }
     }
     fn linearise(
         &self,
         chair: &Chair,
         x: &biased_gravity::State,
         drive: &Drive,
-    ) -> (biased_gravity::State, SMatrix<f64, 6, 14>) {
-        biased_gravity::linearise(chair, x, &drive.command, drive.still)
+    ) -> (biased_gravity::State, SMatrix<f64, 6, 15>) {
+        let (u, still) = (&drive.command, drive.still);
+        match drive.accel_x {
+            Some(a) if self.takes_acceleration() => biased_gravity::driven_linearise(chair, x, u, a, still),
+            _ => biased_gravity::linearise(chair, x, u, still),
+        }
     }
     fn add_process_noise(
         &self,
-        belief: &mut Gaussian<14>,
-        _: &Chair,
+        belief: &mut Gaussian<15>,
+        chair: &Chair,
         drive: &Drive,
         noise: &Noise,
         speed: f64,
@@ -197,12 +227,19 @@ impl Form<14, 6, 4> for GravityVector {
     ) {
         use gravity::{GX, GY, PSI, R, S, V, WP, WR};
         let pairs = [(S, V, speed), (PSI, R, noise.yaw_rate), (GX, WP, noise.slope_rate), (GY, WR, noise.slope_rate)];
-        add_paired_noise(&mut belief.covariance, dt, pairs);
+        let covariance = &mut belief.covariance;
+        add_paired_noise(covariance, dt, pairs);
+        let force = if self.mover == Mover::Force { force_drift(noise, drive) } else { 0.0 };
+        let moment = if drive.still { 0.0 } else { noise.moment_offset };
         let accel = noise.accel_bias;
-        let drift = [noise.gyro_bias, accel, accel, accel, 0.0, force_drift(noise, drive)];
-        add_drift(&mut belief.covariance, dt, biased_gravity::GYRO_BIAS, drift);
+        let drift = [noise.gyro_bias, accel, accel, accel, 0.0, force, moment];
+        add_drift(covariance, dt, biased_gravity::GYRO_BIAS, drift);
+        if self.mover == Mover::TippingAcceleration && self.is_driven_by_acceleration(drive) {
+            let [pitching, _] = gravity::tilt_levers(chair);
+            add_tipping_noise(covariance, dt, noise.slope_rate, -pitching[0], [S, V, GX, WP]);
+        }
     }
-    fn observe(&self, chair: &Chair, x: &biased_gravity::State, drive: &Drive) -> Expected<14> {
+    fn observe(&self, chair: &Chair, x: &biased_gravity::State, drive: &Drive) -> Expected<15> {
         let (output, jacobian) = biased_gravity::observe(chair, x, &drive.command, drive.still);
         let [pitching, rolling] = gravity::tilt_levers(chair);
         Expected { output, jacobian, tilt_noise: outer(pitching) + outer(rolling) }

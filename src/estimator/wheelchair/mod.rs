@@ -10,15 +10,25 @@
 //! | `basic` | 6 | calibrated sensors and forces; misses slopes and is overconfident with others |
 //! | `bias` (default) | 13 | unknown biases of gyro and accelerometer, force and mass not quite right |
 //! | `acceleration_input` | 11 | force not or badly known: the measured acceleration drives the motion |
-//! | `gravity_vector` | 14 | as `bias`, the direction of the contour line unknown at the start |
+//! | `gravity_vector` | 15 | as `bias`, the direction of the contour line unknown at the start |
 //!
 //! Impacts on a kerb or a ramp's edge, which none of these models has, are down-weighted (`filter.outlier_threshold`).
+//! Vibration, as on cobbles, is added to the accelerometer's noise as long as it lasts (`vibration.rs`).
+//!
+//! ## The contour line
+//! The kinds other than `gravity_vector` know the tilt of the ground across one line, that of `initial.heading`: this makes
+//! them precise on a ramp that lies as was said. Ground that tilts otherwise, such as the cross slope of a pavement, moves
+//! the leftward accelerometer, the gyro, or the moment that holds the chair straight in a way that is no noise
+//! (`watch.rs`). The accelerometer is not used meanwhile, and the standard deviations contain what the ground may be; what
+//! lasts for half a second gives the heading up: from then on the filter is that of `gravity_vector`, with what is known
+//! of motion, biases and forces (`contour.rs`), and the output `heading_from_gravity` says so. A tilt along the contour
+//! line that has been there from the start looks like a bias of the leftward accelerometer: up to 2.5 of its standard
+//! deviations it is taken for one, and `slope_std`, `heading_std` contain that it may be none.
 //!
 //! # What cannot be observed
 //! On flat ground nothing tells the heading relative to the contour line: it rests on the initial heading and the
-//! encoders, and `status` says `unobservable`. A slope that contradicts the heading raises `contradicted` and clears
-//! `healthy`. Even on a slope a wrong initial heading is corrected only by `gravity_vector`; the other kinds take the
-//! encoders' heading as true. At rest slope and accelerometer bias cannot be distinguished (0.05 m/s2 look like 5
+//! encoders, and `status` says `unobservable`. Where the heading comes from gravity it is as good as the leftward
+//! accelerometer's bias is known: 25 to 60 mrad on a slope of 70. At rest slope and accelerometer bias cannot be distinguished (0.05 m/s2 look like 5
 //! mrad). A slope that appears as a step, without rotation that the gyro could see, is found late or not at all. A
 //! constant unmodelled force and the bias of the forward accelerometer look like slope too, until the drive force
 //! changes; `bias` and `gravity_vector` carry the force's errors as states, `basic` takes force and mass as true.
@@ -27,16 +37,17 @@
 //! - `filter.measurement_std`: encoders 3 mrad, gyro 5 mrad/s, accelerometer 0.05 m/s2 per sample. The lever of the
 //!   accelerometer carries the slope's second derivative into it (`slope_acceleration`, 1 rad/s2).
 //! - `filter.process_psd`: 1e-3 m2/s3 for the speed, 4e-3 rad2/s3 for the yaw rate, 0.5 rad2/s3 for the slope's rate;
-//!   biases drift slowly, an unmodelled force by 2 N in one second.
-//! - Biases at the start are known to 0.02 rad/s and 0.1 m/s2, the drive force to 10 % and 3 N (`initial.*_std`).
+//!   biases drift slowly, an unmodelled force by 2 N and an unmodelled moment by 1 N.m in one second.
+//! - Biases at the start are known to 0.02 rad/s and 0.1 m/s2, the drive force to 10 % and 3 N, the moment
+//!   to 3 N.m (`initial.*_std`).
 //! - At standstill speed and rates are known to be zero within 2 mm/s and 2 mrad/s, and brakes may hold the chair.
 //! - The defaults are 100 kg of chair and user with 0.305 m wheels.
 //!
 //! # How to tune
 //! 1. Weigh chair and user, measure wheel radius, track and the place of the accelerometer; fit `chair.drag`,
 //!    `rolling.coefficient` and `chair.yaw_inertia` to a log (`identify fit wheelchair`).
-//! 2. Set `filter.measurement_std.*` from the data sheets. The accelerometer's also covers vibration: drive over the
-//!    usual floor and take its standard deviation.
+//! 2. Set `filter.measurement_std.*` from the data sheets. The accelerometer's need not cover vibration, which is added
+//!    while it lasts.
 //! 3. Slope too slow: raise `filter.process_psd.slope_rate`; too restless: lower it. If `nis` stays above 1 raise
 //!    `filter.process_psd.speed` first (`identify tune wheelchair`).
 //! 4. If the chair's heading to the contour line is not known at the start: `filter.kind = gravity_vector`. If the
@@ -49,6 +60,7 @@
 //! of gravity as state](crate::model::wheelchair::gravity) are not in the source.
 
 pub mod attitude;
+mod contour;
 pub mod ekf;
 mod forms;
 mod outliers;
@@ -56,6 +68,8 @@ mod parameters;
 mod report;
 mod rest;
 mod variables;
+mod vibration;
+mod watch;
 mod wheels;
 
 pub use forms::{Basic, Biased, GravityVector, Mover};
@@ -64,12 +78,14 @@ pub use parameters::{
     Parameters, ProcessParameters, StandstillParameters, Zero,
 };
 pub use variables::{Inputs, Outputs};
+pub use vibration::Vibration;
+pub use watch::Watch;
 
 use crate::estimator::standstill::Standstill;
 use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::ekf::NotPositiveDefinite;
 use crate::filter::gaussian::Gaussian;
-use crate::model::wheelchair::{self as model, Chair, Command, biased_gravity, gravity};
+use crate::model::wheelchair::{self as model, Chair, Command, gravity};
 use crate::{ParameterError, Status};
 use ekf::{ChairEkf, Drive};
 use nalgebra::SVector;
@@ -116,8 +132,8 @@ pub enum ChairBelief {
     Basic(Gaussian<6>),
     /// `bias` and `acceleration_input`
     Biased(Gaussian<13>),
-    /// `gravity_vector`
-    Gravity(Gaussian<14>),
+    /// `gravity_vector`, and the others once the ground has contradicted the initial heading
+    Gravity(Gaussian<15>),
 }
 
 /// Everything that a step changes.
@@ -129,6 +145,9 @@ pub struct State {
     command: [f64; 2],
     accel_x: Option<f64>,
     rejections: [u32; 6],
+    watch: Watch,
+    /// The ground has contradicted the initial heading.
+    left_contour: bool,
     wheels: Wheels,
     rest: Rest,
     standstill: Standstill,
@@ -201,19 +220,7 @@ impl ChairMachine {
                 }
                 ChairBelief::Biased(Gaussian::independent(mean, &all))
             }
-            Kind::GravityVector => {
-                let ((sa, ca), tilt) = (p.heading.sin_cos(), p.slope.sin());
-                let chair = gravity::State::from([0.0, p.heading, p.speed, 0.0, tilt * sa, tilt * ca, 0.0, 0.0]);
-                let [s, alpha, v, r, xi, w] = std;
-                let (mut mean, mut all) = (biased_gravity::State::zeros(), biased_gravity::State::zeros());
-                mean.fixed_rows_mut::<8>(0).copy_from(&chair);
-                mean.fixed_rows_mut::<4>(biased_gravity::GYRO_BIAS).copy_from(&SVector::from(biases(p)));
-                all.fixed_rows_mut::<8>(0).copy_from(&gravity::State::from([s, alpha, v, r, xi, xi, w, w]));
-                let accel = p.accel_bias_std;
-                let errors = [p.gyro_bias_std, accel, accel, accel, p.force_gain_std, p.force_offset_std];
-                all.fixed_rows_mut::<6>(biased_gravity::GYRO_BIAS).copy_from(&SVector::from(errors));
-                ChairBelief::Gravity(Gaussian::independent(mean, &all))
-            }
+            Kind::GravityVector => ChairBelief::Gravity(contour::start(parameters)),
         }
     }
 
@@ -246,7 +253,11 @@ impl ChairMachine {
 
     /// Starts the filter anew where the encoders last put the chair.
     fn restart(&self, state: &mut State) {
-        state.belief = self.initial.clone();
+        state.belief = match state.left_contour {
+            true => ChairBelief::Gravity(contour::start(&self.parameters)),
+            false => self.initial.clone(),
+        };
+        state.watch = Watch::default();
         state.wheels = Wheels::default();
         state.rejections = [0; 6];
     }
@@ -273,6 +284,8 @@ impl Machine for ChairMachine {
             command: [0.0; 2],
             accel_x: None,
             rejections: [0; 6],
+            watch: Watch::default(),
+            left_contour: false,
             wheels: Wheels::default(),
             rest: Rest::default(),
             standstill: Standstill::default(),
@@ -281,7 +294,7 @@ impl Machine for ChairMachine {
         let machine = Self {
             basic: ChairEkf { chair, noise, limits, gate, form: Basic },
             biased: ChairEkf { chair, noise, limits, gate, form: Biased { mover } },
-            gravity: ChairEkf { chair, noise, limits, gate, form: GravityVector },
+            gravity: ChairEkf { chair, noise: contour::noise(parameters), limits, gate, form: GravityVector { mover } },
             bands: Bands {
                 distance: bands.distance_band,
                 heading: bands.heading_band,
@@ -346,19 +359,34 @@ impl Machine for ChairMachine {
         }
 
         match elapsed {
-            Elapsed::First => {}
+            Elapsed::First => {
+                if let ChairBelief::Gravity(belief) = &mut state.belief {
+                    contour::widen_tilt(belief, accel[1], &self.gravity.noise, self.chair.gravity);
+                }
+            }
             Elapsed::Step(dt) => {
-                let drive = Drive { command: Command::from(state.command), accel_x: state.accel_x, still };
+                let drive = Drive {
+                    command: Command::from(state.command),
+                    accel_x: state.accel_x,
+                    vibration: state.watch.vibration.forward,
+                    still,
+                };
                 of_kind!(self, &mut state.belief, |filter, belief| filter.predict(belief, dt, &drive));
             }
             Elapsed::Gap(gap) => of_kind!(self, &mut state.belief, |filter, belief| filter.bridge_gap(belief, gap)),
         }
         state.command = [inputs.drive_force, inputs.drive_moment];
         state.accel_x = Some(inputs.accel_x).filter(|a| a.is_finite());
-        let drive = Drive { command: Command::from(state.command), accel_x: None, still };
+        let drive = Drive { command: Command::from(state.command), accel_x: None, vibration: 0.0, still };
         let mut outcome = Outcome::default();
-        let State { belief, rejections, .. } = state;
-        match of_kind!(self, belief, |filter, belief| filter.correct(belief, rejections, &sample, &drive)) {
+        let State { belief, rejections, watch, .. } = state;
+        match of_kind!(self, belief, |filter, belief| filter.correct_watched(
+            belief,
+            rejections,
+            (watch, dt),
+            &sample,
+            &drive
+        )) {
             Ok(done) => {
                 status.raise_if(done.sensors.any_rejected(), Status::GATED);
                 outcome = Outcome {
@@ -378,6 +406,7 @@ impl Machine for ChairMachine {
             self.restart(state);
             status |= Status::RECOVERED | Status::RESTARTED;
         }
+        self.doubt_contour(state, dt);
         status.raise_if(!state.belief.heading_is_observable(), Status::UNOBSERVABLE);
         Outcome { status, ..outcome }
     }
@@ -396,6 +425,7 @@ impl Machine for ChairMachine {
             (ChairBelief::Basic(belief), ChairBelief::Basic(_)) => belief.is_valid(),
             (ChairBelief::Biased(belief), ChairBelief::Biased(_)) => belief.is_valid(),
             (ChairBelief::Gravity(belief), ChairBelief::Gravity(_)) => belief.is_valid(),
+            (ChairBelief::Gravity(belief), _) if state.left_contour => belief.is_valid(),
             _ => return Err(StateError("its filter.kind differs")),
         };
         if valid { Ok(()) } else { Err(StateError("it holds a negative variance")) }

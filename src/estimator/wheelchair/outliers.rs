@@ -12,7 +12,7 @@ pub(super) const ACCEL_X: usize = 3;
 /// A forward impact takes no more samples than this; what lasts longer is an unmodelled force, to be learned.
 const LONGEST: u32 = 3;
 /// What is further off than this, m/s^2, is no impact: the filter has diverged.
-const DIVERGED: f64 = 1e3;
+pub(super) const DIVERGED: f64 = 1e3;
 
 /// Down-weights the accelerometer's rows that are more than `deviations` off. `forward_hits` counts the samples in a row
 /// that were off forward. Returns by how much that lowers the normalised innovation squared, which is to show impacts

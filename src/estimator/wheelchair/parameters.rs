@@ -68,6 +68,8 @@ crate::variables! {
         force_gain_std: f64 = 0.1, "1", [0.0, 10.0];
         /// Standard deviation of an unmodelled force, such as unknown rolling resistance or a push; 0 = none. With the kinds bias and gravity_vector.
         force_offset_std: f64 = 3.0, "N", [0.0, 1e4];
+        /// Standard deviation of an unmodelled moment, such as hands that steer; 0 = none. Where the heading comes from gravity.
+        moment_offset_std: f64 = 3.0, "N.m", [0.0, 1e4];
     }
 }
 
@@ -98,6 +100,8 @@ crate::variables! {
         heading_offset: f64 = 0.0, "rad2/s", [0.0, 1.0], tunable, process_noise;
         /// Density of the drift of an unmodelled force; with the kinds bias and gravity_vector.
         force_offset: f64 = 4.0, "N2/s", [0.0, 1e6], tunable, process_noise;
+        /// Density of the drift of an unmodelled moment; where the heading comes from gravity.
+        moment_offset: f64 = 1.0, "N2.m2/s", [0.0, 1e6], tunable, process_noise;
     }
 }
 
@@ -238,6 +242,7 @@ impl Parameters {
             accel_bias: process.accel_bias,
             heading_offset: process.heading_offset,
             force_offset: process.force_offset,
+            moment_offset: process.moment_offset,
             encoder: measured.encoder,
             gyro: measured.gyro,
             accel: measured.accel,

@@ -1,13 +1,19 @@
 //! The outputs: what the filter knows, carried forward and in the user's terms.
 
 use super::attitude::{Attitude, attitude};
-use super::ekf::Drive;
+use super::ekf::{Drive, wrap};
 use super::{ChairBelief, ChairMachine, Inputs, Outputs, State};
 use crate::filter::gaussian::Gaussian;
 use crate::model::wheelchair::{self as model, Command, biased_gravity, gravity, pitch};
 use crate::variable::Estimate;
 use nalgebra::SVector;
 use std::f64::consts::{FRAC_PI_2, PI};
+
+/// `1/sqrt(3)`
+const FRAC_1_SQRT_3: f64 = 0.577_350_269_189_625_8;
+
+/// Standard deviation of a heading of which nothing is known: that of an even distribution over a turn, rad.
+pub(super) const UNKNOWN_HEADING: f64 = PI * FRAC_1_SQRT_3;
 
 /// A slope below this many of its standard deviations may as well be flat.
 const SIGNIFICANT: f64 = 3.0;
@@ -43,30 +49,44 @@ impl ChairMachine {
         let drive = Drive {
             command: Command::new(inputs.drive_force, inputs.drive_moment),
             accel_x: Some(inputs.accel_x).filter(|a| a.is_finite()),
+            vibration: 0.0,
             still: state.standstill.is_still() && self.parameters.filter.detect_standstill,
         };
         match &state.belief {
             ChairBelief::Basic(belief) => {
                 let mean = self.basic.carry_forward(&belief.mean, horizon, &drive);
-                self.report_chair(&mean, belief, outputs);
+                self.report_chair(&mean, belief, self.tilt_along_contour(state), outputs);
             }
             ChairBelief::Biased(belief) => {
                 let mean = self.biased.carry_forward(&belief.mean, horizon, &drive);
-                self.report_chair(&mean, belief, outputs);
+                self.report_chair(&mean, belief, self.tilt_along_contour(state), outputs);
                 report_biases(&mean, belief, [model::GYRO_BIAS, model::FORCE_GAIN], outputs);
                 outputs.heading_offset = estimate(&mean, belief, model::HEADING_OFFSET);
             }
             ChairBelief::Gravity(belief) => {
                 let mean = self.gravity.carry_forward(&belief.mean, horizon, &drive);
                 report_gravity(&mean, belief, outputs);
+                outputs.moment_offset = estimate(&mean, belief, biased_gravity::MOMENT_OFFSET);
+                outputs.heading_from_gravity = true;
+                if state.left_contour {
+                    let heading = outputs.heading;
+                    outputs.heading_offset = Estimate::new(wrap(heading.value - mean[gravity::PSI]), heading.std);
+                }
                 report_biases(&mean, belief, [biased_gravity::GYRO_BIAS, biased_gravity::FORCE_GAIN], outputs);
             }
         }
         outputs.standstill = drive.still;
     }
 
-    /// The outputs that come from the first six states, with or without biases behind them.
-    fn report_chair<const N: usize>(&self, x: &SVector<f64, N>, belief: &Gaussian<N>, outputs: &mut Outputs) {
+    /// The outputs that come from the first six states, with or without biases behind them; `along_contour` is the mean
+    /// square tilt that the ground may have along the contour line, rad^2.
+    fn report_chair<const N: usize>(
+        &self,
+        x: &SVector<f64, N>,
+        belief: &Gaussian<N>,
+        along_contour: f64,
+        outputs: &mut Outputs,
+    ) {
         // (alpha, xi, w) and (alpha + pi, -xi, -w) are the same pose.
         let turned = self.parameters.filter.canonical_slope && x[model::XI] < 0.0;
         let sign = if turned { -1.0 } else { 1.0 };
@@ -75,13 +95,19 @@ impl ChairMachine {
         outputs.heading.value += if turned { PI } else { 0.0 };
         outputs.speed = estimate(x, belief, model::V);
         outputs.yaw_rate = estimate(x, belief, model::R);
-        outputs.slope = Estimate::new(sign * x[model::XI], belief.std(model::XI));
+        // With chi along the contour line the slope is hypot(xi, chi), and the contour line turns by atan(chi/xi).
+        let (xi, chi) = (x[model::XI].abs(), along_contour.sqrt());
+        let steeper = if chi > 0.0 { along_contour / xi.hypot(chi) } else { 0.0 };
+        let turned_line = chi.atan2(xi).hypot(outputs.heading.std);
+        outputs.heading.std = turned_line.min(UNKNOWN_HEADING.max(outputs.heading.std));
+        outputs.slope = Estimate::new(sign * x[model::XI], belief.std(model::XI).hypot(steeper));
         outputs.slope_rate = Estimate::new(sign * x[model::W], belief.std(model::W));
         let (angle, [by_heading, by_slope]) = pitch(x[model::ALPHA], x[model::XI]);
         let mut gradient = SVector::<f64, N>::zeros();
         (gradient[model::ALPHA], gradient[model::XI]) = (by_heading, by_slope);
         // Where the chair stands on end the gradient has a pole.
-        outputs.pitch = Estimate::new(angle, belief.variance_along(&gradient).sqrt().min(FRAC_PI_2));
+        let ahead = x[model::ALPHA].cos() * chi;
+        outputs.pitch = Estimate::new(angle, belief.variance_along(&gradient).sqrt().hypot(ahead).min(FRAC_PI_2));
     }
 }
 
@@ -100,11 +126,11 @@ fn report_biases<const N: usize>(
     outputs.force_offset = estimate(x, belief, force + 1);
 }
 
-fn attitude_of(x: &biased_gravity::State, belief: &Gaussian<14>) -> Attitude {
+fn attitude_of(x: &biased_gravity::State, belief: &Gaussian<15>) -> Attitude {
     attitude(&biased_gravity::chair_state(x), &belief.covariance.fixed_view::<8, 8>(0, 0).into_owned())
 }
 
-fn report_gravity(mean: &biased_gravity::State, belief: &Gaussian<14>, outputs: &mut Outputs) {
+fn report_gravity(mean: &biased_gravity::State, belief: &Gaussian<15>, outputs: &mut Outputs) {
     let Attitude { heading, slope, slope_rate, pitch } = attitude_of(mean, belief);
     outputs.distance = estimate(mean, belief, gravity::S);
     outputs.speed = estimate(mean, belief, gravity::V);

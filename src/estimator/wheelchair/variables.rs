@@ -56,6 +56,10 @@ crate::variables! {
         force_gain_error: Estimate = Estimate::NONE, "1";
         /// Unmodelled force along the heading, such as unknown rolling resistance or a push.
         force_offset: Estimate = Estimate::NONE, "N";
+        /// Unmodelled moment, such as hands that steer. Where the heading comes from gravity.
+        moment_offset: Estimate = Estimate::NONE, "N.m";
+        /// Whether heading and slope come from the direction of gravity alone: always with the kind gravity_vector, with the others once the ground has contradicted the initial heading.
+        heading_from_gravity: bool = false, "1";
         /// Whether the chair stands still; brakes and static friction are then allowed for.
         standstill: bool = false, "1";
         /// What holds of the last sample. Unobservable: on ground as flat as this nothing measured says how the heading lies to the contour line; it rests on the initial heading and the encoders.

@@ -274,6 +274,11 @@ fn force_gradient(chair: &Chair, u: &Command, still: bool) -> RowVector2<f64> {
     RowVector2::new(u[0] * per_force, per_force)
 }
 
+/// How a moment changes `r'`.
+fn moment_gradient(chair: &Chair, still: bool) -> f64 {
+    if still { 0.0 } else { 1.0 / chair.inertia_at_axle() }
+}
+
 /// `v'` and `r'` with their gradients over `[alpha, v, r, xi]`; what motion and sensors share.
 #[derive(Clone, Copy, Debug, Default)]
 struct Accelerations {

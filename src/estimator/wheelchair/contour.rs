@@ -1,0 +1,233 @@
+//! From heading and slope to the direction of gravity, when the ground contradicts the contour line of
+//! `initial.heading`: a pavement's cross slope, a ramp that lies otherwise than was said.
+
+use super::ekf::Noise;
+use super::parameters::{InitialParameters, Kind, Model, Parameters};
+use super::{ChairBelief, ChairMachine, State, biases};
+use crate::filter::gaussian::Gaussian;
+use crate::model::wheelchair::{self as model, biased_gravity, gravity};
+use nalgebra::{SMatrix, SVector};
+
+/// What contradicts the contour line for this long is no kerb or edge, s.
+const PATIENCE: f64 = 0.5;
+/// A bias further from its start than so many of its standard deviations is a tilt of the ground.
+const IMPROBABLE: f64 = 2.5;
+/// A bias is known if less than this share of its standard deviation is left.
+const KNOWN: f64 = 0.5;
+/// Standard deviations of ground whose contour line is unknown, rad, and of its rate, rad/s.
+const UNKNOWN_TILT: f64 = 0.1;
+const UNKNOWN_TILT_RATE: f64 = 0.1;
+/// Standard deviations of what a wrong tilt may have done to distance and heading, m and rad, to the speed, m/s, and to
+/// the yaw rate, rad/s.
+const UNKNOWN_POSE: f64 = 0.02;
+const UNKNOWN_SPEED: f64 = 0.2;
+const UNKNOWN_YAW_RATE: f64 = 0.2;
+/// With more than this share of gravity along the heading the contour line bears on the pitch.
+const ACROSS_ONLY: f64 = 0.25;
+
+/// The direction of gravity at the start, biases and errors of the drive as the kind knows them.
+pub(super) fn start(parameters: &Parameters) -> Gaussian<15> {
+    use gravity::{GX, GY, PSI, R, S, V, WP, WR};
+    let p = &parameters.initial;
+    let ((sa, ca), tilt) = (p.heading.sin_cos(), p.slope.sin());
+    let (mut mean, mut std) = (biased_gravity::State::zeros(), biased_gravity::State::zeros());
+    (mean[PSI], mean[V], mean[GX], mean[GY]) = (p.heading, p.speed, tilt * sa, tilt * ca);
+    (std[S], std[PSI], std[V], std[R]) = (p.distance_std, p.heading_std, p.speed_std, p.yaw_rate_std);
+    (std[GX], std[GY], std[WP], std[WR]) = (p.slope_std, p.slope_std, p.slope_rate_std, p.slope_rate_std);
+    if parameters.filter.kind != Kind::Basic {
+        mean.fixed_rows_mut::<4>(biased_gravity::GYRO_BIAS).copy_from(&SVector::from(biases(p)));
+        let accel = p.accel_bias_std;
+        std.fixed_rows_mut::<4>(biased_gravity::GYRO_BIAS).copy_from(&SVector::from([
+            p.gyro_bias_std,
+            accel,
+            accel,
+            accel,
+        ]));
+    }
+    if matches!(parameters.filter.kind, Kind::Bias | Kind::GravityVector) {
+        std[biased_gravity::FORCE_GAIN] = p.force_gain_std;
+        std[biased_gravity::FORCE_OFFSET] = p.force_offset_std;
+    }
+    std[biased_gravity::MOMENT_OFFSET] = p.moment_offset_std;
+    Gaussian::independent(mean, &std)
+}
+
+/// At the first sample, a leftward specific force beyond what tilt and bias together are expected to make is ground that
+/// is less level than expected: the variance of its tilt grows until the sample is a usual one.
+pub(super) fn widen_tilt(belief: &mut Gaussian<15>, left: f64, noise: &Noise, gravity: f64) {
+    let (tilt, bias) = (gravity::GY, biased_gravity::GYRO_BIAS + 2);
+    let off = left - gravity * belief.mean[tilt] - belief.mean[bias];
+    let known = gravity * gravity * belief.covariance[(tilt, tilt)] + belief.covariance[(bias, bias)];
+    let beyond = off * off - known - noise.accel * noise.accel;
+    if beyond > 0.0 {
+        belief.inflate(tilt, (beyond / (gravity * gravity)).min(UNKNOWN_TILT * UNKNOWN_TILT));
+    }
+}
+
+/// Noise of the direction of gravity; what the kind knows exactly does not drift.
+pub(super) fn noise(parameters: &Parameters) -> Noise {
+    let noise = parameters.noise();
+    match parameters.filter.kind {
+        Kind::Basic => Noise { gyro_bias: 0.0, accel_bias: 0.0, force_offset: 0.0, ..noise },
+        Kind::Bias | Kind::AccelerationInput | Kind::GravityVector => noise,
+    }
+}
+
+/// What the biases of the accelerometer along the contour line hide, from what the filter has found for them: the
+/// standard deviation of the tilt at a start of which both are uncertain, and the share of a found bias that is tilt.
+fn hidden(p: &InitialParameters, bias_std: f64, gravity: f64) -> (f64, f64) {
+    let (tilt, bias) = (p.slope_std * gravity, bias_std);
+    let share = tilt * tilt / (tilt * tilt + bias * bias).max(f64::MIN_POSITIVE);
+    ((share * bias * bias).sqrt() / gravity, share)
+}
+
+/// A belief in heading and slope as one in the direction of gravity, by the delta method. Nothing is added.
+fn as_gravity<const N: usize>(belief: &Gaussian<N>) -> Gaussian<15> {
+    use gravity::{GX, GY, PSI, R, S, V, WP, WR};
+    let x = &belief.mean;
+    let ((sa, ca), (sx, cx), w) = (x[model::ALPHA].sin_cos(), x[model::XI].sin_cos(), x[model::W]);
+    let mut mean = biased_gravity::State::zeros();
+    mean.fixed_rows_mut::<8>(0).copy_from(&SVector::from([
+        x[model::S],
+        x[model::ALPHA],
+        x[model::V],
+        x[model::R],
+        sa * sx,
+        ca * sx,
+        w * sa,
+        w * ca,
+    ]));
+    let mut by = SMatrix::<f64, 15, N>::zeros();
+    (by[(S, model::S)], by[(PSI, model::ALPHA)], by[(V, model::V)], by[(R, model::R)]) = (1.0, 1.0, 1.0, 1.0);
+    (by[(GX, model::ALPHA)], by[(GX, model::XI)]) = (ca * sx, sa * cx);
+    (by[(GY, model::ALPHA)], by[(GY, model::XI)]) = (-sa * sx, ca * cx);
+    (by[(WP, model::ALPHA)], by[(WP, model::W)]) = (w * ca, sa);
+    (by[(WR, model::ALPHA)], by[(WR, model::W)]) = (-w * sa, ca);
+    if N > model::FORCE_OFFSET {
+        mean[PSI] -= x[model::HEADING_OFFSET];
+        by[(PSI, model::HEADING_OFFSET)] = -1.0;
+        let others = (0..4)
+            .map(|k| (biased_gravity::GYRO_BIAS + k, model::GYRO_BIAS + k))
+            .chain((0..2).map(|k| (biased_gravity::FORCE_GAIN + k, model::FORCE_GAIN + k)));
+        for (to, from) in others {
+            mean[to] = x[from];
+            by[(to, from)] = 1.0;
+        }
+    }
+    Gaussian { mean, covariance: by * belief.covariance * by.transpose() }
+}
+
+impl ChairMachine {
+    /// Standard deviation of the accelerometer's bias where it is a state.
+    fn accel_bias_std(&self) -> f64 {
+        match self.parameters.filter.kind {
+            Kind::Basic => 0.0,
+            Kind::Bias | Kind::AccelerationInput | Kind::GravityVector => self.parameters.initial.accel_bias_std,
+        }
+    }
+
+    /// How far the biases of the forward and leftward accelerometer are from their start, m/s^2.
+    fn found_biases(&self, belief: &ChairBelief) -> [f64; 2] {
+        let p = &self.parameters.initial;
+        match belief {
+            ChairBelief::Biased(belief) => {
+                let x = belief.mean.fixed_rows::<2>(model::GYRO_BIAS + 1);
+                [x[0] - p.accel_x_bias, x[1] - p.accel_y_bias]
+            }
+            ChairBelief::Basic(_) | ChairBelief::Gravity(_) => [0.0; 2],
+        }
+    }
+
+    /// Mean square tilt that the ground may have along the contour line, rad^2: what the accelerometer's bias may hide,
+    /// and what the innovations speak for.
+    pub(super) fn tilt_along_contour(&self, state: &State) -> f64 {
+        let gravity = self.chair.gravity;
+        let (std, share) = hidden(&self.parameters.initial, self.accel_bias_std(), gravity);
+        let found = match &state.belief {
+            ChairBelief::Biased(belief) => {
+                let ([x, y], (sa, ca)) = (self.found_biases(&state.belief), belief.mean[model::ALPHA].sin_cos());
+                share * (ca * x - sa * y) / gravity
+            }
+            ChairBelief::Basic(_) | ChairBelief::Gravity(_) => 0.0,
+        };
+        std * std + found * found + state.watch.tilt_along_contour()
+    }
+
+    /// Whether a bias of the forward and of the leftward accelerometer has been found where none is expected.
+    fn improbable_biases(&self, belief: &ChairBelief) -> [bool; 2] {
+        let ChairBelief::Biased(gaussian) = belief else { return [false; 2] };
+        let (std, found) = (self.accel_bias_std(), self.found_biases(belief));
+        std::array::from_fn(|k| {
+            found[k].abs() > IMPROBABLE * std && gaussian.std(model::GYRO_BIAS + 1 + k) < KNOWN * std
+        })
+    }
+
+    /// Takes heading and slope from the direction of gravity if the ground has contradicted the contour line for long.
+    pub(super) fn doubt_contour(&self, state: &mut State, dt: f64) {
+        if matches!(state.belief, ChairBelief::Gravity(_)) || self.parameters.filter.model == Model::Paper {
+            return;
+        }
+        let [ahead, aside] = self.improbable_biases(&state.belief);
+        let pulled = match &state.belief {
+            ChairBelief::Biased(belief) => {
+                let bias = model::GYRO_BIAS + 2;
+                state.watch.bias_is_pulled(belief.mean[bias], belief.covariance[(bias, bias)], dt)
+            }
+            ChairBelief::Basic(_) | ChairBelief::Gravity(_) => false,
+        };
+        if !state.watch.doubts(ahead || aside || pulled, PATIENCE, dt) {
+            return;
+        }
+        let alpha = match &state.belief {
+            ChairBelief::Basic(belief) => belief.mean[model::ALPHA],
+            ChairBelief::Biased(belief) => belief.mean[model::ALPHA],
+            ChairBelief::Gravity(_) => return,
+        };
+        let pitch_too = ahead || alpha.cos().abs() > ACROSS_ONLY || state.watch.gyro_contradicts();
+        let mut belief = match &state.belief {
+            ChairBelief::Basic(belief) => as_gravity(belief),
+            ChairBelief::Biased(belief) => as_gravity(belief),
+            ChairBelief::Gravity(_) => return,
+        };
+        self.free_tilt(&mut belief, &state.belief, pitch_too, aside);
+        if !belief.is_valid() {
+            return;
+        }
+        state.belief = ChairBelief::Gravity(belief);
+        state.left_contour = true;
+        state.watch.reset();
+    }
+
+    /// Forgets what a belief owes to the contour line.
+    fn free_tilt(&self, belief: &mut Gaussian<15>, from: &ChairBelief, pitch_too: bool, improbable: bool) {
+        use gravity::{GX, GY, PSI, R, S, V, WP, WR};
+        let (p, start) = (&self.parameters.initial, start(&self.parameters));
+        let accel_y = biased_gravity::GYRO_BIAS + 2;
+        if pitch_too {
+            for state in biased_gravity::GYRO_BIAS..biased_gravity::MOMENT_OFFSET {
+                belief.reset_state(state, start.mean[state], start.covariance[(state, state)]);
+            }
+            belief.reset_state(GX, 0.0, UNKNOWN_TILT * UNKNOWN_TILT);
+            belief.reset_state(WP, 0.0, UNKNOWN_TILT_RATE * UNKNOWN_TILT_RATE);
+        } else if improbable {
+            belief.reset_state(accel_y, start.mean[accel_y], start.covariance[(accel_y, accel_y)]);
+        } else {
+            // At the start the bias was taken for all of what may have been a tilt in part.
+            let (std, share) = hidden(p, self.accel_bias_std(), self.chair.gravity);
+            let [_, found] = self.found_biases(from);
+            let variance = belief.covariance[(accel_y, accel_y)] + (std * self.chair.gravity).powi(2);
+            belief.reset_state(accel_y, belief.mean[accel_y] - share * found, variance);
+        }
+        // The motion has been driven by a wrong tilt.
+        belief.inflate(S, UNKNOWN_POSE * UNKNOWN_POSE);
+        belief.inflate(PSI, UNKNOWN_POSE * UNKNOWN_POSE);
+        belief.inflate(V, UNKNOWN_SPEED * UNKNOWN_SPEED);
+        belief.inflate(R, UNKNOWN_YAW_RATE * UNKNOWN_YAW_RATE);
+        // Along the contour line, "up" may lie anywhere.
+        belief.reset_state(GY, 0.0, UNKNOWN_TILT * UNKNOWN_TILT);
+        belief.reset_state(WR, 0.0, UNKNOWN_TILT_RATE * UNKNOWN_TILT_RATE);
+        // What the hands do against a slope across the heading has not been seen either.
+        let held = self.chair.body.mass * self.chair.gravity * self.chair.body.com_ahead * UNKNOWN_TILT;
+        belief.reset_state(biased_gravity::MOMENT_OFFSET, 0.0, held * held);
+    }
+}

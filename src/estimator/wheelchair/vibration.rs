@@ -1,0 +1,87 @@
+//! Vibration that the accelerometer feels on cobbles, as noise beyond what its own is.
+//!
+//! Vibration is broadband and a wrong bias, force or slope is not, so it is told by how far innovations of
+//! neighbouring samples lie apart. With `D_k = E[(nu_t - nu_(t-k))^2]/2`, less the accelerometer's own noise, and
+//! vibration that is left after a sample to a share `c`, `D_1 = V (1 - c)` and `D_2 = V (1 - c^2)`: `c = D_2/D_1 - 1`.
+//! A filter that takes its noise for white needs the variance of white noise with the same mean over many samples,
+//! `V (1 + c)/(1 - c)`. The source has nothing of the kind.
+
+use super::outliers::{ACCEL_X, DIVERGED};
+use crate::filter::ekf::Rows;
+use serde::{Deserialize, Serialize};
+
+/// Time over which the differences are averaged, s.
+const TIME: f64 = 0.5;
+/// A difference squared counts at most as so many times the present mean: an impact is no vibration.
+const LARGEST: f64 = 25.0;
+/// Below the first ratio of `D_1` to the accelerometer's noise there is no vibration, from the second on all of it counts.
+const FELT: (f64, f64) = (1.5, 2.5);
+/// The largest share that vibration keeps after a sample.
+const SLOWEST: f64 = 0.8;
+/// `D_2/D_1` is at most 2 for what has any such share, and 4 for motion, which is smooth: up to the first ratio it counts
+/// in full, from the second on not at all.
+const MOTION: (f64, f64) = (2.2, 3.2);
+
+/// One axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Axis {
+    /// The last innovations, and how many of the last two samples there were.
+    last: [f64; 2],
+    samples: u8,
+    /// `D_1` and `D_2` with the accelerometer's own noise, (m/s^2)^2.
+    apart: [f64; 2],
+}
+
+impl Axis {
+    /// Takes an innovation; `noise` is the accelerometer's variance, `share` of it enters the means.
+    fn learn(&mut self, innovation: f64, noise: f64, share: f64) {
+        let most = LARGEST * (self.apart[0] + noise);
+        for k in 0..usize::from(self.samples) {
+            let difference = innovation - self.last[k];
+            self.apart[k] += share * ((0.5 * difference * difference).min(most) - self.apart[k]);
+        }
+        self.last = [innovation, self.last[0]];
+        self.samples = (self.samples + 1).min(2);
+    }
+
+    /// Variance of white noise that does what the vibration does, (m/s^2)^2.
+    fn variance(&self, noise: f64) -> f64 {
+        let felt = ((self.apart[0] / noise - FELT.0) / (FELT.1 - FELT.0)).clamp(0.0, 1.0);
+        if felt == 0.0 {
+            return 0.0;
+        }
+        let neighbours = self.apart[0] - noise;
+        let ratio = (self.apart[1] - noise) / neighbours;
+        let broadband = ((MOTION.1 - ratio) / (MOTION.1 - MOTION.0)).clamp(0.0, 1.0);
+        let kept = (ratio - 1.0).clamp(0.0, SLOWEST);
+        felt * broadband * neighbours * (1.0 + kept) / ((1.0 - kept) * (1.0 - kept))
+    }
+}
+
+/// The vibration of the three axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Vibration {
+    axes: [Axis; 3],
+    /// Its forward variance beside the accelerometer's own noise, (m/s^2)^2.
+    pub forward: f64,
+}
+
+impl Vibration {
+    /// Learns from the innovations of a sample that came `dt` seconds after the last one and adds the vibration to the
+    /// noise of the accelerometer's rows; `own` is the variance of the accelerometer alone.
+    pub(super) fn add<const N: usize>(&mut self, rows: &mut Rows<N, 6>, own: f64, dt: f64) {
+        let share = 1.0 - (-dt / TIME).exp();
+        for (k, axis) in self.axes.iter_mut().enumerate() {
+            let row = ACCEL_X + k;
+            // What is further off is a filter that has diverged.
+            let innovation = rows.innovation[row];
+            if innovation.is_nan() || innovation.abs() >= DIVERGED {
+                axis.samples = 0;
+                continue;
+            }
+            axis.learn(innovation, own, share);
+            rows.noise[(row, row)] += axis.variance(own);
+        }
+        self.forward = self.axes[0].variance(own);
+    }
+}

@@ -1,0 +1,165 @@
+//! Whether the innovations agree with what a filter takes as given: the contour line, and that nobody steers unseen.
+//!
+//! The kinds with heading and slope know the tilt of the ground across one line only, that of `initial.heading`. Ground
+//! that tilts along that line as well, by `chi`, moves "up" in the body by `(cos(alpha) chi, -sin(alpha) chi)`: the
+//! leftward accelerometer is off by `-g sin(alpha) chi`, the gyro by `cos(alpha) chi'`, and neither is noise. Both are
+//! followed here by filters of one state each, which wait the longer the noisier the sensor is. The source has
+//! nothing of the kind.
+
+use super::outliers::ACCEL_X;
+use super::vibration::Vibration;
+use crate::filter::ekf::Rows;
+use crate::filter::gaussian::Gaussian;
+use serde::{Deserialize, Serialize};
+
+/// Row of the leftward accelerometer.
+pub(super) const LEFT: usize = ACCEL_X + 1;
+/// Rows of heading and gyro.
+const HEADING: usize = 1;
+const GYRO: usize = 2;
+/// Density of the tilt along the contour line, rad^2/s.
+const ACROSS: f64 = 1e-4;
+/// Densities of the mean of innovations over their standard deviations, 1/s: the gyro sees a tilt while it grows, the
+/// heading a moment for as long as it acts.
+const GYRO_MEAN: f64 = 2.0;
+const HEADING_MEAN: f64 = 0.005;
+/// A mean so many standard deviations from zero is none of noise: of white noise the filter of [`Mean`] shows
+/// three quarters of what it expects.
+const SIGNIFICANT: f64 = 3.5;
+/// A bias is compared with what it was this long ago, s, and has been pulled if it has moved by more than this, m/s^2,
+/// and by more than its own uncertainty explains.
+const BIAS_TIME: f64 = 2.0;
+const BIAS_MOVED: f64 = 0.04;
+/// One sample counts at most as this many standard deviations off.
+const LARGEST: f64 = 4.0;
+/// A smaller tilt along the contour line is left to the standard deviation, rad: no heading is given up for it, and below
+/// the second the leftward accelerometer remains in use.
+const LEAST_TILT: f64 = 0.012;
+const LEAST_PULL: f64 = 0.004;
+/// What the ground may tilt along the contour line while a sensor contradicts that line, rad.
+const SEEN_TILT: f64 = 0.1;
+/// With less of it across the heading the leftward accelerometer says nothing of the contour line.
+const LEAST_SHARE: f64 = 0.2;
+
+/// The mean of something that is zero if all is well, by a filter of one state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Mean {
+    value: f64,
+    variance: f64,
+}
+
+impl Mean {
+    /// Takes a sample of variance `noise`; since the last one the mean has moved by `drift` in variance.
+    fn learn(&mut self, sample: f64, noise: f64, drift: f64) {
+        if !sample.is_finite() {
+            return;
+        }
+        self.variance += drift;
+        let (off, total) = (sample - self.value, self.variance + noise);
+        let most = LARGEST * total.sqrt();
+        let gain = self.variance / total;
+        self.value += gain * off.clamp(-most, most);
+        self.variance -= gain * self.variance;
+    }
+
+    fn is_significant(&self) -> bool {
+        self.value * self.value > SIGNIFICANT * SIGNIFICANT * self.variance
+    }
+
+    /// Mean square of what may be behind it.
+    fn square(&self) -> f64 {
+        self.value * self.value + self.variance
+    }
+}
+
+/// What is learned from innovations beside the state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Watch {
+    /// What the accelerometer feels on cobbles.
+    pub vibration: Vibration,
+    /// Tilt of the ground along the contour line, rad.
+    across: Mean,
+    /// Innovations of gyro and heading over their standard deviations.
+    gyro: Mean,
+    heading: Mean,
+    /// The leftward accelerometer's bias some time ago, m/s^2, its variance, and how long ago, s.
+    bias: [f64; 2],
+    bias_age: f64,
+    /// For how long the contour line has been in doubt, s.
+    doubt: f64,
+}
+
+impl Watch {
+    /// Mean square tilt along the contour line for which the innovations speak, rad^2.
+    pub fn tilt_along_contour(&self) -> f64 {
+        let seen =
+            if self.contour_is_contradicted() || self.gyro.is_significant() { SEEN_TILT * SEEN_TILT } else { 0.0 };
+        self.across.square() + seen
+    }
+
+    /// Whether the gyro is what contradicts the contour line.
+    pub fn gyro_contradicts(&self) -> bool {
+        self.gyro.is_significant()
+    }
+
+    /// Whether the contour line has been in doubt for at least `time`; `improbable` is doubt from elsewhere.
+    pub fn doubts(&mut self, improbable: bool, time: f64, dt: f64) -> bool {
+        let seen = self.contour_is_contradicted() || self.gyro.is_significant() || self.heading.is_significant();
+        let doubtful = improbable || seen;
+        self.doubt = if doubtful { (self.doubt + dt).min(2.0 * time) } else { (self.doubt - dt).max(0.0) };
+        self.doubt > time
+    }
+
+    /// Whether the leftward accelerometer's bias moves as none does: a bias that is learned moves within its own
+    /// uncertainty, one that makes peace between the accelerometer and a moment that nobody reports goes on and on.
+    pub fn bias_is_pulled(&mut self, bias: f64, variance: f64, dt: f64) -> bool {
+        self.bias_age += dt;
+        if self.bias_age >= BIAS_TIME || self.bias[1] == 0.0 {
+            (self.bias, self.bias_age) = ([bias, variance], 0.0);
+        }
+        let moved = (bias - self.bias[0]).powi(2);
+        let explained = (self.bias[1] - variance).max(0.0);
+        moved > BIAS_MOVED * BIAS_MOVED && moved > SIGNIFICANT * SIGNIFICANT * explained
+    }
+
+    /// Forgets all doubt.
+    pub fn reset(&mut self) {
+        *self = Self { vibration: self.vibration, ..Self::default() };
+    }
+
+    /// Holds a sample that came `dt` seconds after the last one against a contour line at the heading `alpha` to it.
+    /// Returns whether the leftward accelerometer contradicts it: it must not pull the direction of travel then.
+    pub(super) fn hold_against_contour<const N: usize>(
+        &mut self,
+        alpha: f64,
+        gravity: f64,
+        belief: &Gaussian<N>,
+        rows: &Rows<N, 6>,
+        dt: f64,
+    ) -> bool {
+        let share = -alpha.sin();
+        if rows.used[LEFT] && share.abs() > LEAST_SHARE {
+            let scale = gravity * share;
+            let noise = rows.noise[(LEFT, LEFT)] / (scale * scale);
+            self.across.learn(rows.innovation[LEFT] / scale, noise, ACROSS * share * share * dt);
+        }
+        self.gyro.learn_row(belief, rows, GYRO, GYRO_MEAN * dt);
+        self.heading.learn_row(belief, rows, HEADING, HEADING_MEAN * dt);
+        self.across.is_significant() && self.across.value.abs() > LEAST_PULL
+    }
+
+    fn contour_is_contradicted(&self) -> bool {
+        self.across.is_significant() && self.across.value.abs() > LEAST_TILT
+    }
+}
+
+impl Mean {
+    /// Takes the innovation of a row over its standard deviation.
+    fn learn_row<const N: usize>(&mut self, belief: &Gaussian<N>, rows: &Rows<N, 6>, row: usize, drift: f64) {
+        if rows.used[row] {
+            let h = rows.jacobian.row(row);
+            let variance = (h * belief.covariance).dot(&h) + rows.noise[(row, row)];
+            self.learn(rows.innovation[row] / variance.sqrt(), 1.0, drift);
+        }
+    }
+}

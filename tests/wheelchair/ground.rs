@@ -1,0 +1,152 @@
+//! Ground that is not as the initial heading says, and ground that shakes the chair: pavements, cobbles.
+
+use super::rides::{Ride, Scores, ride, scores, tilted_from, told};
+use super::runs::{Normal, estimate};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_3};
+use wheelstate::estimator::wheelchair::Kind;
+use wheelstate::plant::wheelchair::Ramp;
+
+const KINDS: [Kind; 4] = [Kind::Basic, Kind::Bias, Kind::AccelerationInput, Kind::GravityVector];
+const SEEDS: u64 = 3;
+
+/// Scores of a kind on a ride between two times, one per seed; sensors are biased where the kind knows biases.
+fn runs(setup: &Ride, heading: f64, kind: Kind, from: f64, to: f64) -> Vec<Scores> {
+    (0..SEEDS)
+        .map(|seed| {
+            let (mut normal, mut setup) = (Normal::new(6000 + seed), *setup);
+            if kind != Kind::Basic {
+                setup.sensors.accel_bias = std::array::from_fn(|_| 0.05 * normal.draw());
+                setup.sensors.gyro_bias = 0.01 * normal.draw();
+            }
+            let rows = ride(&setup, &mut normal);
+            let mut p = told(heading);
+            p.filter.kind = kind;
+            scores(&rows, &estimate(&p, &rows), from, to)
+        })
+        .collect()
+}
+
+fn worst(runs: &[Scores], pick: impl Fn(&Scores) -> f64) -> f64 {
+    runs.iter().map(pick).fold(f64::NEG_INFINITY, f64::max)
+}
+
+fn across(degrees: f64, moment_reported: bool) -> Ride {
+    Ride { cross: tilted_from(degrees, 5.0), moment_reported, ..Ride::default() }
+}
+
+/// The chair drives along the contour of a pavement's cross slope: its pitch is zero.
+#[test]
+fn a_cross_slope_pulls_no_pitch_and_is_found() {
+    for kind in KINDS {
+        for degrees in [-3.0, 0.5, 1.0, 2.0, 4.0] {
+            for reported in [true, false] {
+                let what = format!("{kind:?}, {degrees} degrees, moment reported: {reported}");
+                let all = runs(&across(degrees, reported), FRAC_PI_2, kind, 0.0, 30.0);
+                let pitch = worst(&all, |s| s.pitch.rms);
+                // The forward accelerometer's bias is all that acceleration_input has against a small one.
+                let bound = if kind == Kind::AccelerationInput { 0.009 } else { 0.003 };
+                assert!(pitch <= bound, "{what}: pitch {pitch}");
+                for s in &all {
+                    assert!(
+                        s.slope.within >= 0.97 && s.pitch.within >= 0.97 && s.heading.within >= 0.97
+                            || s.heading.within.is_nan(),
+                        "{what}: {s:?}"
+                    );
+                    let sure = [s.slope, s.pitch, s.heading, s.speed].map(|score| score.wrong_and_sure);
+                    assert!(sure.iter().all(|share| *share <= 0.01), "{what}: {s:?}");
+                    assert!(s.healthy >= 0.95, "{what}: {s:?}");
+                }
+                let late = runs(&across(degrees, reported), FRAC_PI_2, kind, 15.0, 30.0);
+                let slope = worst(&late, |s| s.slope.rms);
+                assert!(slope <= 0.012, "{what}: slope {slope}");
+            }
+        }
+    }
+}
+
+/// A pavement on which the ride begins, a ramp across it, circles on it, a ramp that lies otherwise than was said, a chair
+/// that is held against the slope by hands of which nobody tells: whatever the ground, nothing is wrong and sure.
+#[test]
+fn on_no_ground_an_estimate_is_wrong_and_healthy() {
+    let base = Ride::default();
+    let (ramp, cross) = (tilted_from(4.0, 8.0), tilted_from(2.0, 5.0));
+    let rides = [
+        ("starts on 1 degree", Ride { cross: Ramp::constant(1_f64.to_radians()), ..base }, FRAC_PI_2),
+        (
+            "starts on 2 degrees",
+            Ride { cross: Ramp::constant(2_f64.to_radians()), moment_reported: false, ..base },
+            FRAC_PI_2,
+        ),
+        ("flat, cross slope, ramp", Ride { ramp, cross, moment_reported: false, ..base }, FRAC_PI_2),
+        ("circles", Ride { cross, turning: 0.3, ..base }, FRAC_PI_2),
+        ("circles, unreported", Ride { cross, turning: -0.4, moment_reported: false, ..base }, FRAC_PI_2),
+        ("ramp at 60 degrees, told 90", Ride { ramp, heading: FRAC_PI_3, ..base }, FRAC_PI_2),
+        ("ramp at 90 degrees, told 0", Ride { ramp, ..base }, 0.0),
+        (
+            "ramp at 60 degrees, unreported",
+            Ride { ramp, heading: FRAC_PI_3, moment_reported: false, ..base },
+            FRAC_PI_3,
+        ),
+    ];
+    for kind in KINDS {
+        for (what, setup, heading) in &rides {
+            for s in runs(setup, *heading, kind, 0.0, 30.0) {
+                let sure = [s.slope, s.pitch, s.heading, s.speed].map(|score| score.wrong_and_sure);
+                // Hands that steer unseen show after seconds only: in the heading, and in a bias that moves as none does.
+                let unseen = what.contains("60 degrees, unreported");
+                let most = match kind {
+                    Kind::Basic | Kind::AccelerationInput if unseen => 0.08,
+                    Kind::Basic | Kind::AccelerationInput => 0.03,
+                    Kind::Bias | Kind::GravityVector => 0.01,
+                };
+                assert!(sure.iter().all(|share| *share <= most), "{kind:?}, {what}: {s:?}");
+            }
+        }
+    }
+}
+
+fn cobbles(shaken: f64, colour: f64) -> Ride {
+    Ride { ramp: tilted_from(4.0, 5.0), shaken, colour, ..Ride::default() }
+}
+
+/// Vibration of pavement and cobbles, on the flat and up a ramp.
+#[test]
+fn cobbles_cost_the_default_kind_five_milliradians_at_most() {
+    for shaken in [0.1, 0.2, 0.5, 1.0] {
+        let all = runs(&cobbles(shaken, 0.0), FRAC_PI_2, Kind::Bias, 0.0, 30.0);
+        println!("shaken by {shaken}: {all:.4?}");
+        for s in &all {
+            assert!(s.pitch.rms <= 0.005 && s.slope.rms <= 0.005, "{shaken}: {s:?}");
+            assert!(s.pitch.within >= 0.9 && s.slope.within >= 0.9 && s.speed.within >= 0.9, "{shaken}: {s:?}");
+            assert!(s.healthy >= 0.95, "{shaken}: {s:?}");
+        }
+    }
+}
+
+/// Vibration with a colour of its own, and more of it: worse, but said.
+#[test]
+fn no_vibration_makes_an_estimate_wrong_and_healthy() {
+    for kind in KINDS {
+        for (shaken, colour) in [(0.2, 0.5), (1.0, 0.0), (1.0, 0.5), (1.0, 0.7), (2.0, 0.0)] {
+            for s in runs(&cobbles(shaken, colour), FRAC_PI_2, kind, 0.0, 30.0) {
+                let sure = [s.slope, s.pitch, s.speed].map(|score| score.wrong_and_sure);
+                let most = if kind == Kind::AccelerationInput { 0.05 } else { 0.01 };
+                assert!(sure.iter().all(|share| *share <= most), "{kind:?}, {shaken}, {colour}: {s:?}");
+                assert!(kind == Kind::GravityVector || s.healthy >= 0.9, "{kind:?}, {shaken}, {colour}: {s:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn after_the_cobbles_an_estimate_is_as_good_as_without() {
+    for kind in KINDS {
+        let shaken = Ride { shaken: 1.0, shaken_from: 8.0, shaken_to: 16.0, ..cobbles(0.0, 0.0) };
+        let of = |setup| runs(&setup, FRAC_PI_2, kind, 19.0, 30.0);
+        let (after, calm) = (of(shaken), of(cobbles(0.0, 0.0)));
+        let mean = |all: &[Scores]| all.iter().map(|s| s.pitch.rms).sum::<f64>() / SEEDS as f64;
+        println!("{kind:?}: pitch {:.5} after cobbles, {:.5} without", mean(&after), mean(&calm));
+        assert!(mean(&after) <= 1.3 * mean(&calm) + 2e-4, "{kind:?}: {} {}", mean(&after), mean(&calm));
+        assert!(after.iter().all(|s| s.healthy == 1.0));
+    }
+}
