@@ -24,8 +24,6 @@ pub struct Timing {
     pub factor_nonzeros: usize,
     /// Floating-point operations of one factorisation.
     pub factor_flops: usize,
-    /// Memory of the solver, bytes.
-    pub solver_bytes: usize,
 }
 
 /// Takes `steps` steps without and as many with variances, each in another posture.
@@ -42,7 +40,6 @@ pub fn run(setup: &mut Setup, steps: usize) -> Result<Timing, StepError> {
         with_variances_us,
         factor_nonzeros: body.map().ldl().nonzeros(),
         factor_flops: body.map().ldl().factor_flops(),
-        solver_bytes: body.map().bytes(),
     })
 }
 
