@@ -213,7 +213,7 @@ pub fn find(declared: &[Variable], name: &str, value: f64) -> Result<usize, Para
         let group = name.split('.').next().unwrap_or(name);
         let near: Vec<_> = declared.iter().map(|v| v.name.as_str()).filter(|n| n.starts_with(group)).collect();
         let hint = if near.is_empty() { String::new() } else { format!("; there are {}", near.join(", ")) };
-        let reason = format!("is no variable of this machine{hint}");
+        let reason = format!("is not a variable of this machine{hint}");
         return Err(ParameterError { name: name.to_owned(), value, unit: "1", reason });
     };
     declared[index].check(value)?;

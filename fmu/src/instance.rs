@@ -285,7 +285,7 @@ impl Instance {
         for ((&reference, &order), &value) in references.iter().zip(orders).zip(values) {
             let name = self.name(reference)?;
             let Some(Place::Input(index)) = self.model.place(reference) else {
-                return Err(Refusal::error(format!("{name} is no input and takes no input derivative")));
+                return Err(Refusal::error(format!("{name} is not an input and takes no input derivative")));
             };
             if Type::of(self.model.inputs[index].kind) != Type::Real {
                 return Err(Refusal::error(format!("{name} is not Real and takes no input derivative")));
@@ -318,7 +318,7 @@ impl Instance {
                 _ => false,
             };
             if !real {
-                return Err(Refusal::error(format!("{name} is no Real output and has no output derivative")));
+                return Err(Refusal::error(format!("{name} is not a Real output and has no output derivative")));
             }
             if order != 1 {
                 return Err(Refusal::error(format!(

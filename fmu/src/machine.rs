@@ -50,7 +50,7 @@ impl<E: Estimator> Default for Typed<E> {
 }
 
 const FOREIGN: StateError = StateError("it belongs to another model");
-const GARBLED: StateError = StateError("its bytes are no state of this model");
+const GARBLED: StateError = StateError("its bytes are not a state of this model");
 
 fn parameters<E: Estimator>(flat: &[f64]) -> E::Parameters {
     let mut parameters = E::Parameters::default();

@@ -237,7 +237,7 @@ fn missing_value_and_a_switch_are_as_good_as_nan() {
         assert_eq!(estimate(&nan), estimate(&number), "step {k}");
         assert_eq!(estimate(&nan), estimate(&off), "step {k}");
     }
-    assert_eq!(number.slope("drive", f64::NAN), ERROR, "a force is no sample");
+    assert_eq!(number.slope("drive", f64::NAN), ERROR, "a force is not a sample");
     assert_eq!(number.set("missing_value", f64::NAN), ERROR);
 }
 

@@ -254,7 +254,7 @@ fn a_misspelt_channel_in_a_map_is_pointed_out() {
     let output = identify(folder.path(), "convert nursing-robot log.csv --columns map.toml --out x.csv");
     assert_eq!(output.status.code(), Some(0));
     let note = text(&output.stderr);
-    assert!(note.contains("torque_lef in the column map is no input of nursing-robot; torque_left is"), "{note}");
+    assert!(note.contains("torque_lef in the column map is not an input of nursing-robot; torque_left is"), "{note}");
     std::fs::write(folder.path().join("map.toml"), "speed = { column = \"a\", unit = \"Nm\" }\n").unwrap();
     assert_refused(
         folder.path(),

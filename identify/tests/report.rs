@@ -187,7 +187,7 @@ fn true_values_of_the_logs_stand_beside_the_estimates() {
     let mut report = sample();
     report.refer_to(&[log(411.0, 0.01), log(411.0, 0.02)]);
     assert_eq!(report.references.get("human.stiffness_pitch"), Some(&411.0));
-    assert_eq!(report.references.len(), 1, "what changes during a log is no reference");
+    assert_eq!(report.references.len(), 1, "what changes during a log is not a reference");
     assert!(report::table(&report).contains("truth"));
     let mut other = sample();
     other.refer_to(&[log(411.0, 0.01), log(412.0, 0.01)]);

@@ -218,7 +218,7 @@ def test_an_fmu_that_differs_is_found(fmu, model, verify, tmp_path):
     assert theirs.returncode == 1 and "DIFFERS" in theirs.stdout, theirs
     (tmp_path / "empty.fmu").write_bytes(b"")
     done = subprocess.run([*ours.args[:2], tmp_path / "empty.fmu"], capture_output=True, text=True)
-    assert done.returncode == 2 and "empty.fmu: it is no zip archive" in done.stderr
+    assert done.returncode == 2 and "empty.fmu: it is not a zip archive" in done.stderr
 
 
 def test_refusals_name_the_file_and_write_nothing(fmu, model, extracted, pack, fit, tmp_path):

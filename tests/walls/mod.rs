@@ -151,7 +151,7 @@ fn every_import_goes_along_an_arrow_of_the_list() {
             // Another crate may be allowed as a whole.
             let allows = |one: &String| *one == to || (*one != module[0] && leads_into(&to, one));
             if to != from && !may_use.iter().any(allows) {
-                broken.push(format!("{file}:{}: {from} -> {to} is no arrow of tests/walls/arrows.rs", path.line));
+                broken.push(format!("{file}:{}: {from} -> {to} is not an arrow of tests/walls/arrows.rs", path.line));
             }
         }
     }

@@ -106,7 +106,7 @@ const PAGE: usize = 4096;
 fn check<T>(pointer: *const T, count: usize) -> Answer<()> {
     let wrong = match pointer.addr() {
         0 => Some("NULL"),
-        1..PAGE => Some("a number that is no address"),
+        1..PAGE => Some("a number that is not an address"),
         address if handle::is_handle(address) => Some("a handle instead of an address"),
         _ if !pointer.is_aligned() => Some("a misaligned pointer"),
         _ => None,

@@ -43,7 +43,7 @@ impl Fit {
         match json.get("format_version") {
             Some(version) if version.as_u64() == Some(1) => {}
             Some(version) => return Err(refuse(format!("format_version {version} is not known to this program"))),
-            None => return Err(refuse("no format_version: this is no fit.json".to_owned())),
+            None => return Err(refuse("no format_version: this is not a fit.json".to_owned())),
         }
         let Some(vehicle) = json.get("vehicle").and_then(Value::as_str) else {
             return Err(refuse("it names no vehicle".to_owned()));

@@ -35,7 +35,7 @@ pub struct Library {
 fn platform(folder: &str) -> Result<&'static Platform, String> {
     let names = PLATFORMS.map(|platform| platform.folder).join(", ");
     let found = PLATFORMS.iter().find(|platform| platform.folder == folder);
-    found.ok_or_else(|| format!("'{folder}' is no platform of an FMU; there are: {names}"))
+    found.ok_or_else(|| format!("'{folder}' is not a platform of an FMU; there are: {names}"))
 }
 
 /// Folders in which a host on this platform looks, with the ending of the library there.
@@ -121,7 +121,7 @@ impl Library {
             Some((system, machine)) => {
                 Err(refuse(format!("it is for {machine} {system}, so it does not belong into {}", self.platform)))
             }
-            None => Err(refuse(format!("it is no shared library for {}", self.platform))),
+            None => Err(refuse(format!("it is not a shared library for {}", self.platform))),
         }
     }
 

@@ -30,7 +30,7 @@ impl Params {
         match self {
             Self::Fit(fit) => super::model(&fit.vehicle).map_err(|error| PackError(format!("{}: {error}", fit.source))),
             Self::Set(set) => super::model(&set.name).map_err(|_| {
-                PackError(format!("{}: its name '{}' is no model's; name the model", set.source, set.name))
+                PackError(format!("{}: its name '{}' is not a model's; name the model", set.source, set.name))
             }),
         }
     }

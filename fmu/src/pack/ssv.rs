@@ -60,7 +60,7 @@ impl ParameterSet {
         let document = Document::parse(text).map_err(|error| refuse(format!("not readable as XML: {error}")))?;
         let root = document.root_element();
         if !root.has_tag_name((NAMESPACE, "ParameterSet")) {
-            return Err(refuse("its root is no ssv:ParameterSet of SSP 1.0".to_owned()));
+            return Err(refuse("its root is not an ssv:ParameterSet of SSP 1.0".to_owned()));
         }
         let mut parameters = Vec::new();
         for node in root.descendants().filter(|node| node.has_tag_name((NAMESPACE, "Parameter"))) {

@@ -48,7 +48,7 @@ pub fn run(fmu: &Path) -> Result<Verdict, PackError> {
 
 fn unpack(fmu: &Path) -> Result<Unpacked, String> {
     let file = std::fs::File::open(fmu).map_err(|error| error.to_string())?;
-    let mut archive = ZipArchive::new(file).map_err(|error| format!("it is no zip archive: {error}"))?;
+    let mut archive = ZipArchive::new(file).map_err(|error| format!("it is not a zip archive: {error}"))?;
     let stem = fmu.file_stem().unwrap_or_default().to_string_lossy();
     let folder = std::env::temp_dir().join(format!("wheelstate-verify-{}-{stem}", std::process::id()));
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
@@ -164,7 +164,7 @@ impl Table {
         for (number, line) in lines.enumerate() {
             let row: Result<Vec<f64>, _> = line.split(',').skip(1).map(str::parse).collect();
             let row = row.ok().filter(|row| row.len() == names.len());
-            rows.push(row.ok_or_else(|| format!("{}: line {} is no row of numbers", path.display(), number + 2))?);
+            rows.push(row.ok_or_else(|| format!("{}: line {} is not a row of numbers", path.display(), number + 2))?);
         }
         if rows.is_empty() { Err(format!("{} is empty", path.display())) } else { Ok(Self { names, rows }) }
     }

@@ -109,7 +109,7 @@ fn broken_files_are_refused_in_one_line_that_names_the_place() {
         ("t,speed\n0,1\n1,2\n", "no column 'time' (columns: t, speed)"),
         ("speed,tilt,t_stamp\n0,1,2\n1,2,3\n", "time = \"t_stamp\""),
         ("speed,tilt,torque\n0,1,2\n1,2,3\n", "time = \"...\""),
-        ("\u{1f}\u{0}x", "is no CSV file but binary"),
+        ("\u{1f}\u{0}x", "is not a CSV file but binary"),
     ] {
         let error = csv(text).unwrap_err();
         assert!(error.contains(expected), "{error:?} instead of {expected:?}");
@@ -131,7 +131,7 @@ fn files_that_are_no_logs_are_refused() {
     for (name, bytes, expected) in [
         ("log.csv.gz", &b"\x1f\x8b\x08"[..], "log.csv.gz: the packed file is damaged"),
         ("gzip.csv", b"\x1f\x8b\x08\0\0\0\n\n", "gzip.csv: the packed file is damaged"),
-        ("sheet.csv", b"PK\x03\x04\x14\0\n\n", "sheet.csv: is no CSV file but a zip archive"),
+        ("sheet.csv", b"PK\x03\x04\x14\0\n\n", "sheet.csv: is not a CSV file but a zip archive"),
         ("log.csv.xz", b"\xfd7zXZ\0", "log.csv.xz: is compressed; unpack it first"),
         ("old.dat", b"MDF     3.30    ", "MDF 3 or another older format"),
         (
@@ -141,9 +141,9 @@ fn files_that_are_no_logs_are_refused() {
         ),
         ("trip.bag", b"#ROSBAG V2.0\n", "a bag of ROS 1"),
         ("log.txt", &b"time,x\n0,1\n1,2\n"[..], "unknown ending"),
-        ("log.parquet", b"PAR1 this is no parquet file PAR1", "log.parquet: "),
+        ("log.parquet", b"PAR1 this is not a parquet file PAR1", "log.parquet: "),
         ("empty.parquet", b"", "empty.parquet: "),
-        ("log.mf4", b"MDF     4.10    this is no measurement file", "not a readable MDF4 file"),
+        ("log.mf4", b"MDF     4.10    this is not a measurement file", "not a readable MDF4 file"),
         ("empty.mf4", b"", "not a readable MDF4 file"),
     ] {
         let path = folder.path().join(name);

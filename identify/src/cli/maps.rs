@@ -49,7 +49,7 @@ fn check(vehicle: &Vehicle, map: &ColumnMap) -> Result<(), Refusal> {
     for channel in map.channels().filter(|channel| !names.contains(channel)) {
         let used = |name: &str| map.channels().any(|other| other == name);
         if let Some(near) = crate::log::columns::nearest(channel, &names).filter(|near| !used(near)) {
-            eprintln!("identify: note: {channel} in the column map is no input of {vehicle}; {near} is");
+            eprintln!("identify: note: {channel} in the column map is not an input of {vehicle}; {near} is");
         }
     }
     Ok(())

@@ -20,14 +20,14 @@ pub fn read(path: &Path) -> Result<Description, EstimateError> {
 /// Parses the text of a URDF file; `file` is named in errors.
 fn parse(file: &str, text: &str) -> Result<Description, EstimateError> {
     let fail = |what: String| EstimateError::new(file, what.replace('\n', " "));
-    let document = Document::parse(text).map_err(|e| fail(format!("is no URDF: {e}")))?;
+    let document = Document::parse(text).map_err(|e| fail(format!("is not a URDF: {e}")))?;
     let robot = document.root_element();
     let reader = Reader { file, document: &document };
     if document.descendants().any(|node| node.tag_name().namespace().is_some_and(|name| name.contains("xacro"))) {
         return Err(fail("is an unexpanded xacro file; `xacro FILE > body.urdf` expands it".to_owned()));
     }
     if robot.tag_name().name() != "robot" {
-        return Err(fail(format!("is no URDF: <robot> is expected, not <{}>", robot.tag_name().name())));
+        return Err(fail(format!("is not a URDF: <robot> is expected, not <{}>", robot.tag_name().name())));
     }
     let elements = |name: &'static str| robot.children().filter(move |node| node.has_tag_name(name));
     Ok(Description {
@@ -110,7 +110,7 @@ impl Reader<'_> {
         let text = node.attribute(key).unwrap_or_default();
         let number = text.trim().parse().ok();
         let tag = node.tag_name().name();
-        number.ok_or_else(|| self.fail(node, owner, format!("<{tag} {key}=\"{}\"> is no number", text.escape_debug())))
+        number.ok_or_else(|| self.fail(node, owner, format!("<{tag} {key}=\"{}\"> is not a number", text.escape_debug())))
     }
 
     /// Three numbers of an attribute, zeros if it is left out.
@@ -204,17 +204,17 @@ mod tests {
     #[test]
     fn what_is_wrong_is_named_with_line_and_link() {
         for (text, expected) in [
-            (body("", "").replace("value=\"2\"", "value=\"x\""), "m.urdf:3: link 'b': <mass value=\"x\"> is no number"),
+            (body("", "").replace("value=\"2\"", "value=\"x\""), "m.urdf:3: link 'b': <mass value=\"x\"> is not a number"),
             (body("", "").replace("0 1 0", "0 1"), "m.urdf:4: joint 'j': <axis xyz=\"0 1\"> is not three numbers"),
             (body("", "").replace("<parent link=\"a\"/>", ""), "m.urdf:4: joint 'j': has no <parent"),
             (body("", "").replace("link name=\"b\"", "link"), "m.urdf:3: a link: has no name"),
-            ("<sdf/>".to_owned(), "m.urdf: is no URDF: <robot> is expected, not <sdf>"),
-            ("<robot".to_owned(), "m.urdf: is no URDF"),
+            ("<sdf/>".to_owned(), "m.urdf: is not a URDF: <robot> is expected, not <sdf>"),
+            ("<robot".to_owned(), "m.urdf: is not a URDF"),
             (
                 "<robot xmlns:xacro=\"http://www.ros.org/wiki/xacro\"><xacro:body/></robot>".to_owned(),
                 "m.urdf: is an unexpanded xacro file",
             ),
-            ("<a>".repeat(20_000), "m.urdf: is no URDF"),
+            ("<a>".repeat(20_000), "m.urdf: is not a URDF"),
         ] {
             let error = parse("m.urdf", &text).unwrap_err().to_string();
             assert!(error.starts_with(expected), "{error:?} instead of {expected:?}");

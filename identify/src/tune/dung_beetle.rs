@@ -43,7 +43,7 @@ pub enum SearchError {
     #[error("a population of {0} is too small; at least 5 beetles are needed")]
     Population(usize),
     /// An empty or infinite box.
-    #[error("bounds {lower} to {upper} of coordinate {index} are no interval")]
+    #[error("bounds {lower} to {upper} of coordinate {index} are not an interval")]
     Bounds {
         /// The coordinate.
         index: usize,

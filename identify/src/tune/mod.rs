@@ -87,8 +87,8 @@ pub enum TuneError {
         /// What they lack.
         lacking: String,
     },
-    /// A name that is no noise setting.
-    #[error("--only {asked}: is no noise setting; there are {known}")]
+    /// A name that is not a noise setting.
+    #[error("--only {asked}: is not a noise setting; there are {known}")]
     Unknown {
         /// What was asked for.
         asked: String,

@@ -189,7 +189,7 @@ pub fn candump(text: &str, mut with: impl FnMut(Frame)) -> Result<(), String> {
     for (line, text) in text.lines().enumerate().filter(|(_, text)| !text.trim().is_empty()) {
         let fail = || {
             format!(
-                "line {}: is no line of candump: '{}'",
+                "line {}: is not a line of candump: '{}'",
                 line + 1,
                 text.chars().take(60).collect::<String>().escape_debug()
             )

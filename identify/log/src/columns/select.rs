@@ -26,7 +26,7 @@ impl Which {
             Value::String(name) => Ok(Self::Name(name.clone())),
             Value::Integer(index) => usize::try_from(*index)
                 .map(Self::Index)
-                .map_err(|_| format!("{key} = {index} is no place; 0 is the first")),
+                .map_err(|_| format!("{key} = {index} is not a place; 0 is the first")),
             _ => Err(format!("{key} must be a name in quotes or a place counted from 0")),
         }
     }

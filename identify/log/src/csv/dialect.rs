@@ -29,7 +29,7 @@ impl Dialect {
     pub fn guess(file: &str, source: &Source, options: &CsvOptions) -> Result<Self, LogError> {
         let sample = source.sample.as_slice();
         if let Some(kind) = foreign(sample) {
-            return Err(LogError::file(file, format!("is no CSV file but {kind}")));
+            return Err(LogError::file(file, format!("is not a CSV file but {kind}")));
         }
         let mut told = Vec::new();
         let returns = sample.contains(&b'\r') && !sample.contains(&b'\n');

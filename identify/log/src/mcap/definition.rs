@@ -169,7 +169,7 @@ impl<S: Fn(&str) -> Option<&'static str>> Parser<'_, S> {
                 continue;
             }
             let Some((kind, rest)) = line.split_once(char::is_whitespace) else {
-                return Err(format!("'{}' in type {name} is no field", line.escape_debug()));
+                return Err(format!("'{}' in type {name} is not a field", line.escape_debug()));
             };
             let field = rest.split_whitespace().next().unwrap_or_default();
             // Constants have a value, fields may have a default one without an equals sign.
@@ -187,7 +187,7 @@ impl<S: Fn(&str) -> Option<&'static str>> Parser<'_, S> {
         let (kind, count) = match kind.split_once('[') {
             None => (kind, Count::One),
             Some((kind, rest)) => {
-                let inner = rest.strip_suffix(']').ok_or_else(|| format!("'{kind}[{rest}' is no type"))?;
+                let inner = rest.strip_suffix(']').ok_or_else(|| format!("'{kind}[{rest}' is not a type"))?;
                 match inner.parse() {
                     Ok(count) => (kind, Count::Fixed(count)),
                     // Empty, or `<=n`: as many as the message says.
