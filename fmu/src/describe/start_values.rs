@@ -104,7 +104,8 @@ pub fn load(model: &mut Model, guid: &str, resource_location: Option<&str>) -> R
     let Some(location) = resource_location.filter(|location| !location.is_empty()) else {
         return Err(format!("{why}, but fmuResourceLocation is not given"));
     };
-    let folder = path(location).ok_or_else(|| format!("{why}, but fmuResourceLocation '{location}' is not a file URI"))?;
+    let folder =
+        path(location).ok_or_else(|| format!("{why}, but fmuResourceLocation '{location}' is not a file URI"))?;
     let file = folder.join(FILE);
     let text = std::fs::read_to_string(&file).map_err(|error| format!("{why}, but {}: {error}", file.display()))?;
     read(model, &text).map_err(|what| format!("{why}, but {}: {what}", file.display()))

@@ -110,7 +110,8 @@ impl Reader<'_> {
         let text = node.attribute(key).unwrap_or_default();
         let number = text.trim().parse().ok();
         let tag = node.tag_name().name();
-        number.ok_or_else(|| self.fail(node, owner, format!("<{tag} {key}=\"{}\"> is not a number", text.escape_debug())))
+        number
+            .ok_or_else(|| self.fail(node, owner, format!("<{tag} {key}=\"{}\"> is not a number", text.escape_debug())))
     }
 
     /// Three numbers of an attribute, zeros if it is left out.
@@ -204,7 +205,10 @@ mod tests {
     #[test]
     fn what_is_wrong_is_named_with_line_and_link() {
         for (text, expected) in [
-            (body("", "").replace("value=\"2\"", "value=\"x\""), "m.urdf:3: link 'b': <mass value=\"x\"> is not a number"),
+            (
+                body("", "").replace("value=\"2\"", "value=\"x\""),
+                "m.urdf:3: link 'b': <mass value=\"x\"> is not a number",
+            ),
             (body("", "").replace("0 1 0", "0 1"), "m.urdf:4: joint 'j': <axis xyz=\"0 1\"> is not three numbers"),
             (body("", "").replace("<parent link=\"a\"/>", ""), "m.urdf:4: joint 'j': has no <parent"),
             (body("", "").replace("link name=\"b\"", "link"), "m.urdf:3: a link: has no name"),

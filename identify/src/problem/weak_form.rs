@@ -1,19 +1,19 @@
 //! Weak (modulating-function) rows: differential equations without differentiating data.
 //!
-//! An equation `sum of coefficient * d^i x / dt^i = 0` is multiplied with a bump `psi` that vanishes
+//! An equation `sum of coefficient * d^i x / dt^i = 0` is multiplied with a modulating function `psi` that vanishes
 //! with its first derivatives at both ends of a window and integrated by parts, so the derivatives
 //! fall on `psi`: `int psi d^i x/dt^i dt = (-1)^i int psi^(i) x dt`.
 
-/// A bump and its derivatives on the samples of one window.
+/// A modulating function and its derivatives on the samples of one window.
 #[derive(Clone, Debug)]
-pub struct Bump {
+pub struct ModulatingFunction {
     /// `psi`, `psi'`, `psi''`, `psi'''`, already multiplied with the sample period: an integral is a plain sum.
     pub weights: [Vec<f64>; 4],
     /// `int psi dt` from each sample to the next: the weights of a signal that is held from sample to sample.
     pub held: Vec<f64>,
 }
 
-impl Bump {
+impl ModulatingFunction {
     /// Steps of a window of so many seconds; at least 20, however slow the sampling.
     pub fn steps(seconds: f64, period: f64) -> usize {
         ((seconds / period).round() as usize).max(20)

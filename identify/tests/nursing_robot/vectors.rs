@@ -1,7 +1,7 @@
 //! Identification of the nursing robot against the reference vectors.
 
 use crate::support::{assert_close, vector_table, vector_text};
-use wheelstate_identify::problem::weak_form::Bump;
+use wheelstate_identify::problem::weak_form::ModulatingFunction;
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::solve::{Loss, Options, Regression, Rows, Unknown, solve};
 use wheelstate_identify::vehicles::nursing_robot::problem::refine::{Segment, Setup, refine};
@@ -46,8 +46,12 @@ fn signals() -> Signals {
 }
 
 fn regression(kind: &str, body: &Body, signals: &Signals) -> Regression {
-    let bump = if kind == "blind" { Bump::polynomial(200, 0.01, 6) } else { Bump::polynomial(120, 0.01, 4) };
-    let windows = Windows { signals, bump: &bump, stride: 10, cluster: 12, progress: Progress::none() };
+    let psi = if kind == "blind" {
+        ModulatingFunction::polynomial(200, 0.01, 6)
+    } else {
+        ModulatingFunction::polynomial(120, 0.01, 4)
+    };
+    let windows = Windows { signals, psi: &psi, stride: 10, cluster: 12, progress: Progress::none() };
     let stiffness = || vec![Unknown::within("k", 0.0, 5000.0), Unknown::within("c", 0.0, 500.0), Unknown::free("k0")];
     let unknowns = match kind {
         "long_f" => vec![Unknown::within("f", 0.0, 0.1)],
@@ -63,7 +67,7 @@ fn regression(kind: &str, body: &Body, signals: &Signals) -> Regression {
         "long_f" => rows::drive(&mut group, &windows, body, Drive::Rolling, false),
         "long_f_eta" => rows::drive(&mut group, &windows, body, Drive::RollingEfficiency, false),
         "long_f_mh" => rows::drive(&mut group, &windows, body, Drive::RollingLoad, false),
-        _ => rows::blind(&mut group, &windows, body),
+        _ => rows::wheels_only(&mut group, &windows, body),
     }
     Regression { name: kind.into(), unknowns, groups: vec![group], constraints: Vec::new() }
 }

@@ -110,7 +110,8 @@ fn database(path: &Path) -> Result<Dbc, LogError> {
         Ok(text) => text.to_owned(),
         Err(_) => encoding_rs::WINDOWS_1252.decode(&bytes).0.into_owned(),
     };
-    Dbc::try_from(text.as_str()).map_err(|e| LogError::file(&name, format!("is not a DBC file: {e}").replace('\n', " ")))
+    Dbc::try_from(text.as_str())
+        .map_err(|e| LogError::file(&name, format!("is not a DBC file: {e}").replace('\n', " ")))
 }
 
 impl File {

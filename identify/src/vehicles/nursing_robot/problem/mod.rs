@@ -5,7 +5,7 @@
 //! | parameter | needs | how |
 //! |---|---|---|
 //! | `human.*_pitch` | `tilt` | weak-form pitch rows; with `--refine` output error of speed and tilt |
-//! | | only wheels | blind rows to start, then output error of the speed; `rest_pitch` stays unknown (a kept lean makes no force) |
+//! | | only wheels | rows from the wheels only to start, then output error of the speed; `rest_pitch` stays unknown (a kept lean makes no force) |
 //! | `human.*_roll` | `roll` | weak-form roll rows; wheels do not feel roll |
 //! | `rolling.coefficient`, `robot.drive_efficiency` | the person's weight as `human.nominal_mass` | weak-form force balance |
 //! | `robot.mass` or `human.nominal_mass`, with `rolling.coefficient` (`--only`) | the other mass, `robot.drive_efficiency` | the same rows with the mass unknown |
@@ -32,7 +32,7 @@ mod validate;
 
 use crate::assess::Limits;
 use crate::log::Log;
-use crate::problem::weak_form::Bump;
+use crate::problem::weak_form::ModulatingFunction;
 use crate::problem::{FitError, Fitted, Judgement, Known, Problem, Session, Target, Task};
 use crate::progress::Progress;
 use crate::solve::{Regression, Rows, Unknown};
@@ -66,24 +66,24 @@ fn targets(_: &[Log]) -> Vec<Target> {
     usual.chain(others).map(|(name, usual)| Target::declared(&declared, name, usual)).collect()
 }
 
-/// Length of the windows in seconds, and the bump's power.
-fn bump(period: f64, seconds: f64, power: i32) -> Bump {
-    Bump::polynomial(Bump::steps(seconds, period), period, power)
+/// Length of the windows in seconds, and the power of the modulating function.
+fn modulating_function(period: f64, seconds: f64, power: i32) -> ModulatingFunction {
+    ModulatingFunction::polynomial(ModulatingFunction::steps(seconds, period), period, power)
 }
 
-/// A bump per log and the signals it goes over.
+/// A modulating function per log and the signals it goes over.
 pub(super) struct Windowed {
     signals: Signals,
-    sway: Bump,
-    blind: Bump,
+    sway: ModulatingFunction,
+    wheels_only: ModulatingFunction,
 }
 
 impl Windowed {
-    fn windows<'a>(&'a self, bump: &'a Bump, progress: Progress) -> Windows<'a> {
-        let stride = ((bump.len() - 1) / rows::OVERLAP).max(1);
+    fn windows<'a>(&'a self, psi: &'a ModulatingFunction, progress: Progress) -> Windows<'a> {
+        let stride = ((psi.len() - 1) / rows::OVERLAP).max(1);
         // Roads, wind and people change slowly: a long log has 40 clusters, not thousands.
         let cluster = rows::OVERLAP.max(self.signals.len() / stride / 40);
-        Windows { signals: &self.signals, bump, stride, cluster, progress }
+        Windows { signals: &self.signals, psi, stride, cluster, progress }
     }
 
     pub(super) fn sway(&self, progress: Progress) -> Windows<'_> {
@@ -99,8 +99,9 @@ fn over<'a>(logs: &'a [Windowed], progress: &Progress) -> impl Iterator<Item = W
 pub(super) fn windowed(task: &Task) -> Result<Vec<Windowed>, FitError> {
     let of = |log: &Log| {
         let signals = signals::signals(log, task.known)?;
-        let (sway, blind) = (bump(signals.period, 1.2, 4), bump(signals.period, 2.0, 6));
-        Ok(Windowed { signals, sway, blind })
+        let (sway, wheels_only) =
+            (modulating_function(signals.period, 1.2, 4), modulating_function(signals.period, 2.0, 6));
+        Ok(Windowed { signals, sway, wheels_only })
     };
     task.logs.iter().map(of).collect()
 }
@@ -135,8 +136,11 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     let wanted = task.wanted_of(&PITCH);
     if !wanted.is_empty() && seated {
         let progress = part(0.0, first);
-        let found =
-            if tilt { pitch(&logs, &body, &progress, session)? } else { blind(&logs, &body, &progress, session)? };
+        let found = if tilt {
+            pitch(&logs, &body, &progress, session)?
+        } else {
+            wheels_only(&logs, &body, &progress, session)?
+        };
         hip = found.unwrap_or(hip);
         if refining {
             session.progress = part(first, second);
@@ -230,15 +234,15 @@ fn roll(logs: &[Windowed], body: &Body, progress: &Progress, session: &mut Sessi
 }
 
 /// A start for the output error from force and speed alone.
-fn blind(
+fn wheels_only(
     logs: &[Windowed],
     body: &Body,
     progress: &Progress,
     session: &mut Session,
 ) -> Result<Option<Passive>, FitError> {
-    let mut all = Rows::new("blind", "N2.s3", 3);
+    let mut all = Rows::new("wheels only", "N2.s3", 3);
     for (index, log) in logs.iter().enumerate() {
-        rows::blind(&mut all, &log.windows(&log.blind, progress.piece(index, logs.len())), body);
+        rows::wheels_only(&mut all, &log.windows(&log.wheels_only, progress.piece(index, logs.len())), body);
     }
     let toppling = body.b * GRAVITY;
     let unknowns = vec![
@@ -246,7 +250,7 @@ fn blind(
         Unknown::within("k - b g", 0.0, 5000.0 - toppling),
         Unknown::free("(k - b g) f M g"),
     ];
-    let Some(fit) = session.solve(&regression("blind", unknowns, all), &PITCH)? else { return Ok(None) };
+    let Some(fit) = session.solve(&regression("wheels only", unknowns, all), &PITCH)? else { return Ok(None) };
     let theta = &session.solution(fit).theta;
     let rolling = theta[2] / (theta[1].max(1.0) * body.total_mass() * GRAVITY);
     Ok(Some(Passive {

@@ -1,4 +1,4 @@
-//! Weak-form rows of the nursing robot: pitch, roll, longitudinal and blind.
+//! Weak-form rows of the nursing robot: pitch, roll, longitudinal, and from the wheels only.
 //!
 //! Notation of the robot with a seated person: `v` speed, `w` yaw rate, `phi_y` pitch, `phi_x` roll, `b = mu m_h h` first
 //! moment and `J = mu m_h (h^2 + rho^2)` moment of inertia of the swaying upper body about the hip,
@@ -10,10 +10,10 @@
 //! J phi_y'' + b cos phi_y v' - J w^2 sin phi_y cos phi_y - b g sin phi_y + c (phi_y)' + k (phi_y - phi_y0) = 0
 //! ```
 //!
-//! are multiplied with a bump and integrated by parts; no signal is differentiated. The pitch rate, which
+//! are multiplied with a modulating function and integrated by parts; no signal is differentiated. The pitch rate, which
 //! enters as a second-order term only, is the measured one or the slope of an 11-point quadratic.
 
-use crate::problem::weak_form::Bump;
+use crate::problem::weak_form::ModulatingFunction;
 use crate::progress::Progress;
 use crate::solve::Rows;
 use rayon::prelude::*;
@@ -110,8 +110,8 @@ impl Signals {
 pub struct Windows<'a> {
     /// The signals.
     pub signals: &'a Signals,
-    /// The bump of a window.
-    pub bump: &'a Bump,
+    /// The modulating function of a window.
+    pub psi: &'a ModulatingFunction,
     /// Samples from one window to the next.
     pub stride: usize,
     /// Consecutive rows whose disturbances may be correlated: at least the windows that overlap.
@@ -123,12 +123,12 @@ pub struct Windows<'a> {
 impl Windows<'_> {
     /// First samples of the windows.
     pub fn starts(&self) -> impl Iterator<Item = usize> {
-        self.bump.starts(self.signals.len(), self.stride)
+        self.psi.starts(self.signals.len(), self.stride)
     }
 
     /// Middle of a window, s.
     pub fn middle(&self, start: usize) -> f64 {
-        self.signals.start + self.signals.period * (start as f64 + 0.5 * (self.bump.len() - 1) as f64)
+        self.signals.start + self.signals.period * (start as f64 + 0.5 * (self.psi.len() - 1) as f64)
     }
 
     /// `int psi (d(w sin phi_x)/dt + w phi_x')` of the window that starts at a sample: to leading order what a
@@ -140,7 +140,7 @@ impl Windows<'_> {
     }
 
     fn int(&self, order: usize, start: usize, x: impl Fn(usize) -> f64) -> f64 {
-        self.bump.integral(order, start, x)
+        self.psi.integral(order, start, x)
     }
 }
 
@@ -297,14 +297,14 @@ pub fn drive(rows: &mut Rows, windows: &Windows, body: &Body, unknowns: Drive, a
 
 /// Blind: `[c, k - b g, (k - b g) f M g]` from force and speed alone, for windows of straight forward
 /// drive. Pitch is eliminated; with noisy speed the answer is biased and only good to start from.
-pub fn blind(rows: &mut Rows, windows: &Windows, body: &Body) {
+pub fn wheels_only(rows: &mut Rows, windows: &Windows, body: &Body) {
     let s = windows.signals;
     let mt = body.effective_mass();
     let d = body.j * mt - body.b * body.b;
     let slow = 3.0 * body.smoothing_speed;
     fill(rows, windows, 0.0, |at| {
         let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
-        if !(at..at + windows.bump.len()).all(|i| s.speed[i] > slow) {
+        if !(at..at + windows.psi.len()).all(|i| s.speed[i] > slow) {
             return (vec![f64::NAN; 3], f64::NAN);
         }
         let force = |i: usize| body.efficiency * s.force[i];

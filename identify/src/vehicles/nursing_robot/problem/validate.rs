@@ -70,7 +70,7 @@ fn moment(
     row: impl Fn(&Windows, &Body, usize) -> rows::JointRow,
 ) -> Option<Prediction> {
     let windows = log.sway(Progress::none());
-    let one = windows.bump.integral(0, 0, |_| 1.0);
+    let one = windows.psi.integral(0, 0, |_| 1.0);
     let mut trace = trace(name, "N.m", source);
     for start in windows.starts() {
         let (a, needed) = row(&windows, body, start);

@@ -9,7 +9,7 @@
 //!
 //! with `sgn` the smooth sign of the estimator's model (`rolling.smoothing_speed` and
 //! `rolling.smoothing_yaw_rate`), `ML = M l`, `IP = Ic + M l^2`, and the accelerometer's biases in
-//! `c1 = -M b_ax`, `c2 = -ML b_ay`. Each is multiplied with a bump and integrated by parts; no signal is
+//! `c1 = -M b_ax`, `c2 = -ML b_ay`. Each is multiplied with a modulating function and integrated by parts; no signal is
 //! differentiated but the smoothed ones in `sgn` and `r^2`.
 //!
 //! A drive command acts from its sample to the next one, as in the estimator. The yaw acceleration comes from the
@@ -20,7 +20,7 @@
 
 use super::signals::Signals;
 use crate::problem::noise::{add_noise, noise_of};
-use crate::problem::weak_form::Bump;
+use crate::problem::weak_form::ModulatingFunction;
 use crate::solve::Rows;
 use wheelstate::model::wheelchair::Chair;
 
@@ -50,12 +50,12 @@ pub const OVERLAP: usize = 4;
 /// Length of a window, s.
 const WINDOW: f64 = 1.0;
 
-/// A window's bump, the signals it goes over, and the chair.
+/// A window's modulating function, the signals it goes over, and the chair.
 pub struct Windows {
     /// The signals.
     pub signals: Signals,
-    /// The bump.
-    pub bump: Bump,
+    /// The modulating function.
+    pub psi: ModulatingFunction,
     stride: usize,
 }
 
@@ -65,24 +65,24 @@ pub type Row = ([f64; UNKNOWNS], f64);
 impl Windows {
     /// Windows of a second, a quarter apart.
     pub fn new(signals: Signals) -> Self {
-        let n = Bump::steps(WINDOW, signals.period);
-        Self { bump: Bump::cosine(n, signals.period), stride: (n / OVERLAP).max(1), signals }
+        let n = ModulatingFunction::steps(WINDOW, signals.period);
+        Self { psi: ModulatingFunction::cosine(n, signals.period), stride: (n / OVERLAP).max(1), signals }
     }
 
     /// First samples of the windows.
     pub fn starts(&self) -> impl Iterator<Item = usize> {
-        self.bump.starts(self.signals.len(), self.stride)
+        self.psi.starts(self.signals.len(), self.stride)
     }
 
     /// Middle of a window, s.
     pub fn middle(&self, start: usize) -> f64 {
-        self.signals.start + self.signals.period * (start as f64 + 0.5 * (self.bump.len() - 1) as f64)
+        self.signals.start + self.signals.period * (start as f64 + 0.5 * (self.psi.len() - 1) as f64)
     }
 
     /// Force balance of a window, N s.
     pub fn force(&self, chair: &Chair, start: usize) -> Row {
         let (s, [dx, dy, _]) = (&self.signals, chair.lever());
-        let int = |order: usize, x: &dyn Fn(usize) -> f64| self.bump.integral(order, start, x);
+        let int = |order: usize, x: &dyn Fn(usize) -> f64| self.psi.integral(order, start, x);
         let r_squared = int(0, &|i| s.yaw_rate[i] * s.yaw_rate[i]);
         let mut row = [0.0; UNKNOWNS];
         row[M] = int(0, &|i| s.ahead[i]) + dy * int(2, &|i| s.heading[i]) + dx * r_squared;
@@ -96,7 +96,7 @@ impl Windows {
     /// Moment balance of a window, N m s.
     pub fn moment(&self, chair: &Chair, start: usize) -> Row {
         let (s, [dx, dy, _]) = (&self.signals, chair.lever());
-        let int = |order: usize, x: &dyn Fn(usize) -> f64| self.bump.integral(order, start, x);
+        let int = |order: usize, x: &dyn Fn(usize) -> f64| self.psi.integral(order, start, x);
         let turning = int(2, &|i| s.heading[i]);
         let mut row = [0.0; UNKNOWNS];
         row[IP] = turning;
@@ -104,14 +104,14 @@ impl Windows {
         row[TAUC] = int(0, &|i| (s.yaw_rate[i] / chair.rolling.smoothing_yaw_rate).tanh());
         row[ML] = int(0, &|i| s.left[i]) - dx * turning + dy * int(0, &|i| s.yaw_rate[i] * s.yaw_rate[i]);
         row[C2] = int(0, &|_| 1.0);
-        (row, self.bump.held_integral(start, |i| s.moment[i]) - chair.rotating_inertia * turning)
+        (row, self.psi.held_integral(start, |i| s.moment[i]) - chair.rotating_inertia * turning)
     }
 
     /// What sensor noise alone makes of the two rows: their covariances with the right-hand sides.
     fn noise(&self, chair: &Chair) -> [Vec<f64>; 2] {
         let s = &self.signals;
         let [dx, dy, _] = chair.lever();
-        let [psi, psi1, psi2, _] = &self.bump.weights;
+        let [psi, psi1, psi2, _] = &self.psi.weights;
         let scaled = |weights: &[f64], factor: f64| -> Vec<f64> { weights.iter().map(|w| factor * w).collect() };
         let none = || vec![scaled(psi, 0.0); UNKNOWNS + 1];
         let mut result = [vec![0.0; (UNKNOWNS + 1).pow(2)], vec![0.0; (UNKNOWNS + 1).pow(2)]];
@@ -133,7 +133,7 @@ impl Windows {
             (UNKNOWNS, scaled(psi2, -chair.rotating_inertia)),
         ];
         add(1, &on_heading, heading);
-        let held: Vec<f64> = self.bump.held.iter().copied().chain([0.0]).collect();
+        let held: Vec<f64> = self.psi.held.iter().copied().chain([0.0]).collect();
         add(1, &[(UNKNOWNS, held)], noise_of(&s.moment));
         result
     }

@@ -10,7 +10,7 @@ pub(super) fn validate(task: &Task) -> Vec<Prediction> {
     let (chair, theta) = (signals::chair(task.known), theta(task.known));
     let mut all = Vec::new();
     for (log, source) in logs.iter().zip(task.logs) {
-        let one = log.bump.integral(0, 0, |_| 1.0);
+        let one = log.psi.integral(0, 0, |_| 1.0);
         let mut predict = |name: &str, unit: &str, row: &dyn Fn(usize) -> Row| {
             let mut trace =
                 Trace { name: name.into(), unit: unit.into(), log: source.source.clone(), ..Trace::default() };
