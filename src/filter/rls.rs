@@ -192,8 +192,8 @@ impl<const D: usize> Rls<D> {
         (self.sum_ee, self.sum_ey, self.sum_ed) = (0.0, 0.0, [0.0; D]);
     }
 
-    /// The quantity may have changed by a random amount with this standard deviation: adds that to the
-    /// covariance and keeps the estimate.
+    /// The quantity may have changed by a random amount with the standard deviation `std`, in the unit of the estimate:
+    /// adds that to the covariance, up to its largest value, and keeps the estimate.
     pub fn inflate(&mut self, config: &Config, std: f64) {
         let noise = self.noise.effective_variance();
         let added = if noise > 0.0 { std * std / noise } else { f64::INFINITY };

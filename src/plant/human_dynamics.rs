@@ -7,29 +7,29 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Unit, Vector3};
 
-/// A segment behind one revolute joint; the base has none.
+/// A segment behind one revolute joint; the base has none. Its own axes begin at the joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
     /// Number of the segment that carries it; parents come first. None for the base.
     pub parent: Option<usize>,
     /// Place of its joint in the parent's axes, m.
     pub origin: Vector3<f64>,
-    /// Axes at zero joint angle in the parent's axes.
+    /// Its own axes at zero joint angle, as columns in the parent's axes.
     pub rotation: Matrix3<f64>,
     /// Axis of the joint, unit, in its own axes.
     pub axis: Vector3<f64>,
     /// Mass, kg.
     pub mass: f64,
-    /// Centre of mass in its axes, m.
+    /// Centre of mass from the joint, in its own axes, m.
     pub com: Vector3<f64>,
-    /// Rotational inertia about the centre of mass, kg m2.
+    /// Rotational inertia about the centre of mass, in its own axes, kg m2.
     pub inertia: Matrix3<f64>,
 }
 
-/// Motion of the base in the inertial frame.
+/// Motion of the base, all in the inertial frame; accelerations without gravity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseMotion {
-    /// Axes of the base.
+    /// Axes of the base, as columns.
     pub rotation: Matrix3<f64>,
     /// Angular velocity, rad/s.
     pub rate: Vector3<f64>,
@@ -60,10 +60,10 @@ pub struct Push {
     pub moment: Vector3<f64>,
 }
 
-/// What a segment does, all in the inertial frame.
+/// What a segment does, all in the inertial frame; accelerations without gravity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SegmentState {
-    /// Axes.
+    /// Its own axes, as columns.
     pub rotation: Matrix3<f64>,
     /// Place of its joint relative to the base's origin, m.
     pub position: Vector3<f64>,
@@ -96,7 +96,7 @@ impl SegmentState {
         }
     }
 
-    /// What an accelerometer at a place in the segment's axes reads, in these axes, m/s2.
+    /// What an accelerometer at `at` (m, the segment's axes) reads, in these axes, m/s2; `gravity` in the inertial frame, m/s2.
     pub fn specific_force(&self, at: &Vector3<f64>, gravity: &Vector3<f64>) -> Vector3<f64> {
         let arm = self.rotation * at;
         let acceleration =
@@ -104,7 +104,8 @@ impl SegmentState {
         self.rotation.transpose() * (acceleration - gravity)
     }
 
-    /// A force and its moment about a place in the segment's axes, in these axes.
+    /// A force (N) and its moment about the joint (N m), both in the inertial frame, as force and moment about `at` (m, the
+    /// segment's axes) in the segment's axes.
     pub fn seen_at(&self, at: &Vector3<f64>, force: &Vector3<f64>, about_joint: &Vector3<f64>) -> [f64; 6] {
         let moment = about_joint - (self.rotation * at).cross(force);
         let (f, m) = (self.rotation.transpose() * force, self.rotation.transpose() * moment);

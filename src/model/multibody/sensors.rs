@@ -146,9 +146,11 @@ pub(super) enum Sees {
 /// A sensor whose link or joint has been found.
 #[derive(Clone, Debug)]
 pub(super) struct Mounted {
+    /// Which part of `d` it sees.
     pub sees: Sees,
     /// Sensor pose in the frame of the 6-vector it sees.
     pub pose: Pose,
+    /// Number of its rows.
     pub rows: usize,
     /// What its rows are multiplied by on the 6-vector: the sensor's map, whitened if its covariance is full.
     pub map: Matrix6<f64>,
