@@ -12,7 +12,7 @@
 //! which samples fall into a step, `screen` which of them the host takes away, [`phase`] which call is allowed when. Every module uses only those to its right.
 //!
 //! One shared library serves every model: the GUID given to `fmi2Instantiate` tells which. All code
-//! here works on declared [`Variables`](wheelstate::Variables) and knows no vehicle; a new estimator
+//! here works on declared [`Variables`](wheelstate::Variables) and has no code for any one machine; a new estimator
 //! in [`wheelstate::estimator::visit_all`] is a new FMU. Values travel as flat `f64` in the order of
 //! their declarations.
 //!

@@ -105,7 +105,8 @@ fn host_parameters(own: &[Variable], inputs: &[Variable]) -> (Vec<Variable>, Vec
         tunable: true,
         ..Variable::new(name, description, "1", kind, range)
     };
-    let about = "Number that means \"no sample\" in an input that may be missing, for hosts that know no NaN; 1e300: none does.";
+    let about =
+        "Number that means \"no sample\" in an input that may be missing, for hosts without NaN; 1e300: there is none.";
     let any = (f64::NEG_INFINITY, f64::INFINITY);
     let mut list = vec![parameter("missing_value".to_owned(), about, Kind::Real, NO_VALUE, any)];
     let mut switched = Vec::new();

@@ -1,4 +1,4 @@
-//! Samples that a host takes away by parameters: for hosts that know no NaN, or that set every input.
+//! Samples that a host takes away by parameters: for hosts without NaN, or that set every input.
 
 use crate::model::{Model, NO_VALUE};
 

@@ -96,7 +96,8 @@ impl SegmentState {
         }
     }
 
-    /// What an accelerometer at `at` (m, the segment's axes) reads, in these axes, m/s2; `gravity` in the inertial frame, m/s2.
+    /// What an accelerometer at `at` (m, the segment's axes) reads, in these axes, m/s2; `gravity` in the inertial frame,
+    /// m/s2.
     pub fn specific_force(&self, at: &Vector3<f64>, gravity: &Vector3<f64>) -> Vector3<f64> {
         let arm = self.rotation * at;
         let acceleration =
@@ -104,8 +105,8 @@ impl SegmentState {
         self.rotation.transpose() * (acceleration - gravity)
     }
 
-    /// A force (N) and its moment about the joint (N m), both in the inertial frame, as force and moment about `at` (m, the
-    /// segment's axes) in the segment's axes.
+    /// A force (N) and its moment about the joint (N m), both in the inertial frame, as force and moment about `at` (m,
+    /// the segment's axes) in the segment's axes.
     pub fn seen_at(&self, at: &Vector3<f64>, force: &Vector3<f64>, about_joint: &Vector3<f64>) -> [f64; 6] {
         let moment = about_joint - (self.rotation * at).cross(force);
         let (f, m) = (self.rotation.transpose() * force, self.rotation.transpose() * moment);

@@ -38,7 +38,7 @@ struct Arguments {
     /// Take over values that the data did not identify, too
     #[arg(long, requires = "params")]
     include_unidentified: bool,
-    /// A start value of your own; stands above those of --params (repeatable)
+    /// A start value of your own; it takes precedence over --params (repeatable)
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<String>,
     /// Directory for the .fmu files

@@ -181,7 +181,7 @@ fn hosts(page: &mut Page, model: &Model) {
     let _ = write!(
         page.text,
         r#"<ul>
-<li>A host that knows no NaN (OMSimulator): set <code>missing_value</code> to a number that no sensor gives, and send that.</li>
+<li>A host without NaN (OMSimulator): set <code>missing_value</code> to a number that no sensor gives, and send that.</li>
 <li>A host that sets every input whether connected or not: switch the others off with <code>use.*</code>.</li>
 <li>A host that cannot set enumerations (FMI.jl, libcosim): choose when packing, <code>pack {name} --set parameter=choice</code>.</li>
 <li>SSP: <code>resources/{name}.ssv</code> is a parameter set with all start values, to be copied and edited;
@@ -206,7 +206,7 @@ any start time. A step that would pass the stop time, or take more than {most} s
     page.heading("missing", "Missing samples");
     page.text.push_str(r#"<p>NaN in an input that allows it means that this channel has no sample at this instant. An infinite value counts as missing too
 and raises a bit of <code>status</code>. An input that allows it is missing until the host sets it, whatever start value the XML
-must state. For a host that knows no NaN, <code>missing_value</code> is the number that it sends instead; for one that sets every
+must state. For a host without NaN, <code>missing_value</code> is the number that it sends instead; for one that sets every
 input, <code>use.*</code> switches off the sensors that the machine does not have. Estimates never become NaN: what has no value
 yet holds its start value and is flagged.</p>
 "#);

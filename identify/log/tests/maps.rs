@@ -104,7 +104,7 @@ fn what_a_map_cannot_say_is_refused_with_its_key() {
         ("speed = { column = \"v_rl\", integrate = true, differentiate = true }", "exclude each other"),
         ("speed = { expression = \"v_rl\", group = 1 }", "group goes with a column"),
         ("speed = []", "the list of columns is empty"),
-        ("speed = { column = -1 }", "no place"),
+        ("speed = { column = -1 }", "not a place"),
         ("time = { column = \"time\", integrate = true }", "map.toml: time: needs a column"),
         ("join = \"gps.csv\"", "map.toml: join: "),
         ("join = [{ file = \"a.csv\", offest = 1 }]", "unknown key 'offest'"),

@@ -117,7 +117,7 @@ variables! {
         active_torque: f64 = 500.0, "N2.m2/s", [0.0, 1e6], tunable, process_noise;
         /// Density of the unmodelled acceleration in the models paper and paper_raw.
         paper_speed: f64 = 1e-4, "m2/s3", [0.0, 1e3], tunable, process_noise;
-        /// Density of the pitch rate in the models paper and paper_raw, which know no motion of the pitch.
+        /// Density of the pitch rate in the models paper and paper_raw, which have no equation of the pitch.
         paper_pitch: f64 = 0.02, "rad2/s", [0.0, 1e3], tunable, process_noise;
     }
 }
@@ -197,9 +197,9 @@ variables! {
 variables! {
     /// Limits of plausibility. A road vehicle needs larger ones.
     pub struct LimitParameters {
-        /// Largest plausible torque of one side, in size; beyond it the sample counts as missing.
+        /// Largest plausible magnitude of one side's torque; beyond it the sample counts as missing.
         torque: f64 = 60.0, "N.m", [0.0, 1e6];
-        /// Largest plausible speed, in size; beyond it the sample counts as missing.
+        /// Largest plausible magnitude of the speed; beyond it the sample counts as missing.
         speed: f64 = 3.0, "m/s", [0.0, 200.0];
         /// Largest load mass.
         load_mass: f64 = 250.0, "kg", [1.0, 1e5];

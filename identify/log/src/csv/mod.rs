@@ -1,7 +1,7 @@
 //! CSV: a header with names, and a row for each sample; empty or `nan` is a missing one.
 //!
 //! What is usual elsewhere (separators, decimal commas, rows of units, encodings, comments, packed files) is
-//! guessed from the start of the file and said in one line.
+//! guessed from the start of the file and reported in one line.
 
 mod cell;
 mod dialect;

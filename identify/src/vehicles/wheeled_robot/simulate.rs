@@ -13,7 +13,7 @@ use wheelstate::{Variables, variables};
 
 /// The scenarios.
 pub const SCENARIOS: &[Scenario] = &[
-    Scenario { name: "sine", about: "sine steering while the drive pulls and brakes by turns" },
+    Scenario { name: "sine", about: "sine steering while the robot accelerates and brakes in turn" },
     Scenario { name: "vector", about: "straight steering, left and right wheels driven against each other" },
     Scenario { name: "lane-change", about: "double lane change at held speed" },
     Scenario { name: "step-steer", about: "steering step at held speed" },
