@@ -1,10 +1,11 @@
 //! One record per machine: all that the commands know of it.
 
 use crate::check::{self, Checks, Finding};
+use crate::finding::Severity;
 use crate::log::Log;
 use crate::problem::{self, FitError, FitRequest, Known, Problem};
 use crate::progress::Progress;
-use crate::result::FitReport;
+use crate::result::{FitReport, Parameter};
 use crate::simulate::{Companion, Request, SimulateError, Simulation};
 use crate::tune::{self, Subject, TuneError, TuneReport, TuneRequest};
 use wheelstate::{Estimator, ParameterError, Variable, Variables};
@@ -76,6 +77,33 @@ impl Vehicle {
         Ok(check::check(&check::Subject { inputs: &inputs, known: &known, checks: &self.checks }, log))
     }
 
+    /// What a log tells about each parameter, and which part of it tells most: the standard errors of a fit to the whole
+    /// and to its parts.
+    pub fn information(
+        &self,
+        log: &Log,
+        settings: &[(String, f64)],
+        progress: &Progress,
+    ) -> Result<Vec<Finding>, FitError> {
+        let request = FitRequest { settings: settings.to_vec(), ..FitRequest::default() };
+        let whole = self.fit(std::slice::from_ref(log), &request, progress)?;
+        let count = ((log.duration() / LEAST_PART) as usize).min(MOST_PARTS);
+        let mut parts = Vec::new();
+        for k in (0..count).filter(|_| count > 1) {
+            let range = log.len() * k / count..log.len() * (k + 1) / count;
+            let part = log.slice(range, |name| !name.starts_with("true_"));
+            match self.fit(std::slice::from_ref(&part), &request, progress) {
+                Ok(report) => parts.push((part.time[0], part.time[part.len() - 1], report)),
+                Err(FitError::Interrupted(stop)) => return Err(stop.into()),
+                // A part may be too short for any fit: then it tells nothing.
+                Err(_) => {}
+            }
+        }
+        // What a fit says exactly is no estimate: a standard error that is to be used as a start value, for example.
+        let estimates = whole.parameters.iter().filter(|(_, parameter)| parameter.std_error != 0.0);
+        Ok(estimates.map(|(name, parameter)| told(log, name, parameter, &parts)).collect())
+    }
+
     /// Fits its parameters to logs, see [`problem::fit`].
     ///
     /// ```
@@ -116,6 +144,45 @@ impl Vehicle {
     pub fn companions(&self, request: &Request) -> Result<Vec<Companion>, SimulateError> {
         (self.simulation.companions)(request)
     }
+}
+
+/// Shortest part of a log that is looked at by itself, s, and how many there are at most.
+const LEAST_PART: f64 = 10.0;
+const MOST_PARTS: usize = 6;
+
+/// One parameter: how well the whole log tells it, and the part that tells most, by the information `1/std_error^2`.
+fn told(log: &Log, name: &str, parameter: &Parameter, parts: &[(f64, f64, FitReport)]) -> Finding {
+    let mut finding = Finding {
+        file: log.source.clone(),
+        channel: String::new(),
+        time: None,
+        code: "expected-accuracy".to_owned(),
+        severity: Severity::Note,
+        message: String::new(),
+        suggestion: format!("{} by this log alone", parameter.verdict.words()),
+    };
+    // Where nothing happens or a bound holds there is no standard error to speak of.
+    let tells = |p: &&Parameter| p.std_error.is_finite() && p.std_error > 0.0 && !p.at_bound;
+    if Some(parameter).filter(tells).is_none() {
+        finding.message = format!("{name}: the log says nothing about it");
+        return finding;
+    }
+    let unit = if parameter.unit == "1" { String::new() } else { format!(" {}", parameter.unit) };
+    finding.message = format!(
+        "{name}: about {}, and a standard error of {}{unit} is to be expected",
+        check::short(parameter.value),
+        check::short(parameter.std_error)
+    );
+    let information =
+        |report: &FitReport| report.parameters.get(name).filter(tells).map_or(0.0, |p| p.std_error.powi(-2));
+    let all: f64 = parts.iter().map(|(.., report)| information(report)).sum();
+    let best = parts.iter().max_by(|a, b| information(&a.2).total_cmp(&information(&b.2)));
+    if let Some((from, to, report)) = best.filter(|_| all > 0.0) {
+        let share = 100.0 * information(report) / all;
+        finding.message += &format!("; {from:.0} s to {to:.0} s tell most, {share:.0} %");
+        finding.time = Some(*from);
+    }
+    finding
 }
 
 impl std::fmt::Display for Vehicle {

@@ -371,6 +371,44 @@ fn a_fit_to_a_speed_that_arrives_late_ends_with_a_warning_that_names_it() {
     assert_eq!(fit["findings"][0]["code"], "delayed-channel");
 }
 
+/// The drive's first half is straight at a steady speed: what it tells about turning comes from the second half alone.
+#[test]
+fn the_part_of_a_log_that_tells_most_is_named() {
+    let chair = vehicle("wheelchair");
+    let mut log = simulated(chair, "identification", 6, &[]);
+    let until = log.time.iter().position(|t| *t >= 20.0).unwrap();
+    for (name, value) in [("drive_force", 0.0), ("drive_moment", 0.0), ("encoder_left", 0.0), ("encoder_right", 0.0)] {
+        let channel = log.channels.iter_mut().find(|c| c.name == name).unwrap();
+        let begin = channel.values[until];
+        channel.values[..until].fill(if name.starts_with("encoder") { begin } else { value });
+    }
+    let told = chair.information(&log, &[], &Progress::none()).unwrap();
+    let inertia = told.iter().find(|finding| finding.message.starts_with("chair.yaw_inertia")).unwrap();
+    assert!(inertia.time.is_some_and(|time| time >= 19.9), "{inertia:?}");
+    assert!(told.iter().all(|finding| finding.severity == Severity::Note && finding.code == "expected-accuracy"));
+}
+
+#[test]
+fn runs_that_share_a_file_are_a_note_and_no_alarm() {
+    let loader = vehicle("wheel-loader");
+    let mut log = simulated(loader, "accelerate-brake", 7, &[]);
+    log.time.iter_mut().filter(|t| **t > 15.0).for_each(|t| *t += 400.0);
+    let found = loader.check(&log, &[]).unwrap();
+    assert!(found.iter().all(|finding| finding.severity == Severity::Note), "{found:#?}");
+    assert!(found.iter().any(|finding| finding.code == "time-gap" && finding.message.contains("2 runs")));
+}
+
+/// What only the fit of the wheeled robot reads is no misspelt input.
+#[test]
+fn a_column_map_may_name_what_only_the_fit_reads() {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("map.toml"), "speed_x = \"speed_x\"\nspeed_y = \"speed_y\"\n").unwrap();
+    identify(folder.path(), "simulate wheeled-robot --scenario sine --seed 4 --out log.csv");
+    let (exit, _, notes) = identify(folder.path(), "check wheeled-robot log.csv --columns map.toml");
+    assert_eq!(exit, Some(0));
+    assert!(!notes.contains("is no input"), "{notes}");
+}
+
 #[test]
 fn a_log_that_cannot_be_read_is_a_finding_and_the_others_are_looked_at() {
     let folder = TempDir::new().unwrap();

@@ -83,6 +83,7 @@ pub const CRATES: &[Crate] = &[
                 "vehicle",
                 &[
                     "check",
+                    "finding",
                     "problem",
                     "result",
                     "simulate",

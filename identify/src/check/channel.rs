@@ -62,7 +62,8 @@ fn missing(subject: &Subject, log: &Log) -> Vec<Finding> {
         let known: Vec<&str> = known.collect();
         let hint = crate::log::columns::hint(names[0], &known);
         let found_here = finding(log, "missing-channel", Severity::Refusal, names.join("' or '"));
-        let what = format!("{hint} The fit cannot do without it: name its column in a column map");
+        let stop = if hint.ends_with('?') { "" } else { "." };
+        let what = format!("{hint}{stop} The fit cannot do without it: name its column in a column map");
         found.push(found_here.says(message, what));
     }
     for (name, purpose) in subject.checks.optional {

@@ -43,6 +43,8 @@ pub struct Checks {
     pub optional: &'static [(&'static str, &'static str)],
     /// Longest sample period that still shows what the fit is about, s: a few samples in each of its windows.
     pub slowest: f64,
+    /// Samples up to which a fit takes no longer than a look.
+    pub quick: usize,
     /// Accelerometers that feel gravity.
     pub gravity: &'static [Accelerometer],
     /// Channels that tell the same in two ways.
@@ -51,8 +53,21 @@ pub struct Checks {
 
 impl Checks {
     /// Of a machine of which nothing is known: times and channels are looked at, relations are not.
-    pub const NONE: Self =
-        Self { required: &[], optional: &[], slowest: f64::INFINITY, gravity: &[], relations: |_| Vec::new() };
+    pub const NONE: Self = Self {
+        required: &[],
+        optional: &[],
+        slowest: f64::INFINITY,
+        quick: 0,
+        gravity: &[],
+        relations: |_| Vec::new(),
+    };
+
+    /// The channels that it names in full.
+    pub fn channels(&self) -> impl Iterator<Item = &'static str> {
+        let required = self.required.iter().flat_map(|group| group.iter().copied());
+        let optional = self.optional.iter().map(|(name, _)| *name);
+        required.chain(optional).filter(|name| !name.contains('*'))
+    }
 }
 
 /// What is looked at: a machine's declarations and its own checks.
@@ -128,7 +143,7 @@ impl Finding {
 }
 
 /// A number for people: three digits.
-fn short(value: f64) -> String {
+pub fn short(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 || !size.is_finite() {
         return value.to_string();

@@ -111,6 +111,8 @@ pub struct Relation {
     pub x: Vec<Term>,
     /// The gain of the first one.
     pub gain: Gain,
+    /// The known parameters that it takes as right, in words; empty if there are none.
+    pub given: &'static str,
     /// Whether every block of the log has a constant of its own.
     pub constant: bool,
     /// Whether a delay between the sides would be a fault: no dynamics lie between them.
@@ -476,6 +478,9 @@ fn gain(log: &Log, relation: &Relation, answer: &Answer) -> Option<Finding> {
     let order = |term: &Term| term.parts.iter().map(|(_, order)| *order).max();
     if order(&relation.y) != order(&relation.x[0]) {
         words.push("the times may not be in s".to_owned());
+    }
+    if !relation.given.is_empty() {
+        words.push(format!("{} may be another one (--set)", relation.given));
     }
     let guess = if words.is_empty() { "check the units of both".to_owned() } else { words.join("; or ") };
     let what = format!("{guess}; unit = \"...\" in a column map puts it right");

@@ -5,9 +5,11 @@ use crate::log::Log;
 
 /// Code of a sample period that cannot be used.
 pub(super) const PERIOD: &str = "period-out-of-range";
-/// A pause counts as a gap from so many periods, and from so long, s: samples that are lost one by one are harmless.
+/// A pause counts as a gap from so many periods, and from so long, s, about a window of a fit: shorter ones are harmless
+/// but for their number. One that is longer than a machine's pauses separates runs that share a file.
 const GAP_PERIODS: f64 = 5.0;
-const SHORTEST_GAP: f64 = 0.1;
+const SHORTEST_GAP: f64 = 1.0;
+const BETWEEN_RUNS: f64 = 10.0;
 /// Scatter of the stamps about an even clock, in periods, that moves what is derived from positions.
 const SCATTER: f64 = 0.1;
 /// Share of the log that may be lost.
@@ -58,9 +60,20 @@ fn gaps(log: &Log, period: f64) -> Option<Finding> {
     let longest = (GAP_PERIODS * period).max(SHORTEST_GAP);
     let pauses: Vec<(f64, f64)> =
         log.time.windows(2).map(|pair| (pair[0], pair[1] - pair[0])).filter(|(_, step)| *step > 1.5 * period).collect();
+    let (between, pauses): (Vec<_>, Vec<_>) =
+        pauses.into_iter().partition(|(_, step)| *step > BETWEEN_RUNS.max(longest));
     let lost: f64 = pauses.iter().map(|(_, step)| step - period).sum();
     let gaps: Vec<&(f64, f64)> = pauses.iter().filter(|(_, step)| *step > longest).collect();
-    let share = lost / log.duration();
+    let share = lost / (log.duration() - between.iter().map(|(_, step)| step).sum::<f64>());
+    if let (Some(first), true) = (between.first(), gaps.is_empty() && share < LOST) {
+        let message = format!(
+            "the file holds {} runs with pauses of up to {} s",
+            between.len() + 1,
+            short(between.iter().map(|(_, step)| *step).fold(0.0, f64::max),)
+        );
+        let what = "nothing is taken from one run to the next";
+        return Some(finding(log, "time-gap", Severity::Note, "time").at(first.0).says(message, what));
+    }
     if gaps.is_empty() && share < LOST {
         return None;
     }

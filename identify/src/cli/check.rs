@@ -5,6 +5,7 @@ use super::words::vehicle_parser;
 use super::{LogArgs, Outcome, Refusal, print, read_each, tell};
 use crate::finding::{Finding, Severity};
 use crate::log::Log;
+use crate::problem::FitError;
 use crate::progress::Progress;
 use crate::vehicle::Vehicle;
 use clap::Args;
@@ -20,7 +21,8 @@ Examples:
 Looks at the sample period, gaps and scatter of the times; at channels that are missing, constant,
 frozen, clipped, coarse or wrapped; and at channels that say the same in two ways (the slope of an
 angle and its rate, wheel speed and speed, acceleration and speed), which shows wrong units, wrong
-signs and delays where the log excites them.
+signs and delays where the log excites them. Of a log that is not refused it tells the standard error
+that a fit would give each parameter, and the part of the log that tells most about it.
 
 Exit code 0: nothing found; 1: warnings; 2: what spoils a fit for certain. identify/README.md has
 the list of codes.")]
@@ -36,6 +38,9 @@ pub(super) struct CheckArgs {
     /// Known parameters: a fit.json or {"name": value, ...}.
     #[arg(long, value_name = "START.json")]
     params: Option<PathBuf>,
+    /// Say what to expect of a fit for logs of any length: standard errors, and the part of the log that tells most.
+    #[arg(long)]
+    parameters: bool,
     /// Print the findings as JSON.
     #[arg(long)]
     json: bool,
@@ -98,6 +103,19 @@ pub(super) fn tell_fit(findings: &[Finding]) -> Result<(), Refusal> {
     Ok(())
 }
 
+/// What the log tells about each parameter; nothing if no fit can be made of it.
+fn expected(
+    vehicle: &Vehicle,
+    log: &Log,
+    known: &[(String, f64)],
+    progress: &Progress,
+) -> Result<Vec<Finding>, Refusal> {
+    match vehicle.information(log, known, progress) {
+        Err(FitError::Interrupted(stop)) => Err(stop.into()),
+        told => Ok(told.unwrap_or_default()),
+    }
+}
+
 /// The worst of the findings.
 fn worst(findings: &[Finding]) -> Severity {
     findings.iter().map(|finding| finding.severity).max().unwrap_or(Severity::Note)
@@ -112,7 +130,12 @@ pub(super) fn run(args: &CheckArgs) -> Result<Outcome, Refusal> {
         match log {
             Ok(log) => {
                 tell(&log);
-                all.extend(findings(args.vehicle, std::slice::from_ref(&log), &known, &args.allowed)?);
+                let found = findings(args.vehicle, std::slice::from_ref(&log), &known, &args.allowed)?;
+                let usable = worst(&found) < Severity::Refusal;
+                all.extend(found);
+                if usable && (args.parameters || log.len() <= args.vehicle.checks.quick) {
+                    all.extend(expected(args.vehicle, &log, &known, &progress)?);
+                }
             }
             Err(error) => all.push(Finding {
                 file: path.display().to_string(),

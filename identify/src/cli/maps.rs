@@ -45,7 +45,9 @@ fn check(vehicle: &Vehicle, map: &ColumnMap) -> Result<(), Refusal> {
             return Err(map.error(what).into());
         }
     }
-    let names: Vec<_> = inputs.iter().map(|input| input.name.as_str()).collect();
+    // What only the fit reads is no misspelt input.
+    let mut names: Vec<&str> = inputs.iter().map(|input| input.name.as_str()).collect();
+    vehicle.checks.channels().for_each(|name| names.push(name));
     for channel in map.channels().filter(|channel| !names.contains(channel)) {
         let used = |name: &str| map.channels().any(|other| other == name);
         if let Some(near) = crate::log::columns::nearest(channel, &names).filter(|near| !used(near)) {

@@ -20,6 +20,7 @@ pub const CHECKS: Checks = Checks {
     ],
     // Passive joints move at up to 3 Hz.
     slowest: 0.1,
+    quick: 2_000,
     gravity: &[
         imu!("base_accel"),
         imu!("imu_thorax_accel"),
@@ -53,6 +54,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
                     x: vec![x],
                     gain: Gain::Same(2.5),
                     constant: true,
+                    given: "",
                     delay: true,
                 });
             }

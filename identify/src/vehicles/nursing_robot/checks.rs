@@ -17,6 +17,7 @@ pub const CHECKS: Checks = Checks {
     ],
     // Six samples in a window of 1.2 s.
     slowest: 0.2,
+    quick: 100_000,
     gravity: &[],
     relations,
 };
@@ -35,12 +36,28 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         ("roll_rate against the slope of roll", "roll", "roll_rate"),
     ] {
         if let (Some(y), Some(x)) = (signals.term(rate, 0), signals.term(angle, 1)) {
-            all.push(Relation { what, y: y.late(), x: vec![x], gain: Gain::Same(2.5), constant: true, delay: true });
+            all.push(Relation {
+                what,
+                y: y.late(),
+                x: vec![x],
+                gain: Gain::Same(2.5),
+                constant: true,
+                given: "",
+                delay: true,
+            });
         }
     }
     if let (Some(y), Some(x)) = (signals.term("accel_x", 0), signals.term("speed", 1)) {
         let what = "accel_x against the slope of the speed";
-        all.push(Relation { what, y: y.late(), x: vec![x], gain: Gain::Same(2.5), constant: true, delay: true });
+        all.push(Relation {
+            what,
+            y: y.late(),
+            x: vec![x],
+            gain: Gain::Same(2.5),
+            constant: true,
+            given: "",
+            delay: true,
+        });
     }
     let smoothing = signals.known.get("rolling.smoothing_speed");
     let force = signals.of(["torque_left", "torque_right"], 0, |[left, right]| (left + right) / radius);
@@ -55,7 +72,15 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         let x: Vec<_> = [Some(x), sway.clone(), Some(rolling)].into_iter().flatten().collect();
         // Without the sway the person moves between force and speed.
         let delay = sway.is_some();
-        let of_force = Relation { what, y: y.late(), x, gain: Gain::About(total, 30.0), constant: true, delay };
+        let of_force = Relation {
+            what,
+            y: y.late(),
+            x,
+            gain: Gain::About(total, 30.0),
+            constant: true,
+            given: "robot.mass",
+            delay,
+        };
         if sway.is_some() {
             let mut of_sway = of_force.clone();
             (of_sway.y.side, of_sway.x[1].side) = (Side::Model, Side::Late);
@@ -83,5 +108,5 @@ fn swaying(signals: &Signals, [angle, rate]: [&'static str; 2], acceleration: Op
     let what = if angle == "tilt" { "tilt against the acceleration" } else { "roll against speed times yaw rate" };
     let x = [signals.term(angle, 0)?, slope, curve].map(Term::late).to_vec();
     let gain = if expected > 0.0 { Gain::About(expected, 10.0) } else { Gain::Any };
-    Some(Relation { what, y: acceleration?, x, gain, constant: true, delay: true })
+    Some(Relation { what, y: acceleration?, x, gain, constant: true, given: "", delay: true })
 }

@@ -10,6 +10,7 @@ pub const CHECKS: Checks = Checks {
     optional: &[],
     // Ten samples in a window of 1 s.
     slowest: 0.1,
+    quick: 100_000,
     gravity: &[Accelerometer { axes: ["accel_x", "accel_y", "accel_z"], upright: true }],
     relations,
 };
@@ -34,7 +35,15 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     if let Some(y) = signals.term("accel_x", 0) {
         let what = "accel_x against the encoders' acceleration";
         let x = vec![acceleration.plus(Some(turning.clone().times(-dy)))];
-        all.push(Relation { what, y: y.late(), x, gain: Gain::Same(2.5), constant: true, delay: true });
+        all.push(Relation {
+            what,
+            y: y.late(),
+            x,
+            gain: Gain::Same(2.5),
+            constant: true,
+            given: "chair.wheel_radius",
+            delay: true,
+        });
     }
     for (what, one, other) in [
         ("accel_x against the left encoder's acceleration", "encoder_left", "encoder_right"),
@@ -42,7 +51,15 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     ] {
         let half = |name: &str| signals.term(name, 2).map(|term| term.times(0.5 * chair.body.wheel_radius));
         if let (Some(y), Some(x), Some(other)) = (signals.term("accel_x", 0), half(one), half(other)) {
-            all.push(Relation { what, y, x: vec![x, other], gain: Gain::Same(3.0), constant: true, delay: false });
+            all.push(Relation {
+                what,
+                y,
+                x: vec![x, other],
+                gain: Gain::Same(3.0),
+                constant: true,
+                given: "chair.wheel_radius",
+                delay: false,
+            });
         }
     }
     let [forward, turn] = [of(0, false), of(0, true)].map(|term| term.map(|term| signals.slope(&term)));
@@ -51,7 +68,15 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     {
         let what = "accel_y against the encoders' speed times yaw rate";
         let x = vec![x, turning.clone()];
-        all.push(Relation { what, y, x, gain: Gain::Same(2.5), constant: true, delay: false });
+        all.push(Relation {
+            what,
+            y,
+            x,
+            gain: Gain::Same(2.5),
+            constant: true,
+            given: "chair.wheel_radius",
+            delay: false,
+        });
     }
     let gravity = signals.known.get("gravity");
     let tilting = signals.term("accel_x", 1).map(|term| term.times(1.0 / gravity));
@@ -62,20 +87,36 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         let change = Term { parts: change.parts.into_iter().map(|(values, _)| (values, 1)).collect(), ..change };
         // The speed is smoothed twice, which takes from the edges of a ramp.
         let x = vec![x.plus(Some(change.times(-1.0 / gravity)))];
-        all.push(Relation { what, y, x, gain: Gain::Same(6.0), constant: true, delay: false });
+        all.push(Relation {
+            what,
+            y,
+            x,
+            gain: Gain::Same(6.0),
+            constant: true,
+            given: "chair.wheel_radius",
+            delay: false,
+        });
     }
     // The noisy side stands on the left: noise among the regressors would pull the others along.
     if let (Some(x), Some(y)) = (signals.term("drive_force", 0), signals.term("accel_x", 0)) {
         let what = "accel_x against the drive force";
         let gain = Gain::About(1.0 / signals.known.get("chair.mass"), 30.0);
-        all.push(Relation { what, y, x: vec![x.late(), speed], gain, constant: true, delay: true });
+        all.push(Relation {
+            what,
+            y,
+            x: vec![x.late(), speed],
+            gain,
+            constant: true,
+            given: "chair.mass",
+            delay: true,
+        });
     }
     if let Some(x) = signals.term("drive_moment", 0) {
         let what = "the encoders' yaw acceleration against the drive moment";
         let side = signals.term("accel_y", 0);
         let gain = Gain::About(1.0 / signals.known.get("chair.yaw_inertia"), 30.0);
         let x = [Some(x.late()), Some(rate), side].into_iter().flatten().collect();
-        all.push(Relation { what, y: turning, x, gain, constant: true, delay: true });
+        all.push(Relation { what, y: turning, x, gain, constant: true, given: "chair.wheel_radius", delay: true });
     }
     all
 }

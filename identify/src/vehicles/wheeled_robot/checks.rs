@@ -13,8 +13,9 @@ pub const CHECKS: Checks = Checks {
         ("wheel_speed_*", "longitudinal wheel forces come from the torques alone"),
         ("accel_x", "the slope of the speed takes its place"),
     ],
-    // The smoothing window of 0.2 s has five samples.
-    slowest: 0.05,
+    // Turns of a few seconds, through a window of five samples.
+    slowest: 0.1,
+    quick: 100_000,
     gravity: &[],
     relations,
 };
@@ -46,7 +47,15 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     {
         if let (Some(y), Some(x)) = (signals.term(name, 0), wheels.clone()) {
             let (delay, x) = (slip.is_some(), [Some(x), slip.clone()].into_iter().flatten().collect());
-            all.push(Relation { what, y: y.late(), x, gain: Gain::Same(2.0), constant: false, delay });
+            all.push(Relation {
+                what,
+                y: y.late(),
+                x,
+                gain: Gain::Same(2.0),
+                constant: false,
+                given: "wheel.radius",
+                delay,
+            });
         }
     }
     if let Some(ahead) = ahead {
@@ -54,33 +63,49 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         if let (Some(y), Some(x)) = (signals.term("accel_x", 0), signals.term(ahead, 1)) {
             let what = "accel_x against the slope of the speed";
             let x = vec![x.plus(turning)];
-            all.push(Relation { what, y: y.late(), x, gain: Gain::Same(2.5), constant: true, delay: true });
+            all.push(Relation { what, y: y.late(), x, gain: Gain::Same(2.5), constant: true, given: "", delay: true });
         }
         let turning = signals.of(["gyro_z", ahead], 0, |[r, v]| r * v);
         if let (Some(y), Some(x)) = (signals.term("accel_y", 0), turning) {
             let what = "accel_y against yaw rate times speed";
             // Without the lateral speed its change is missing, which comes before the turn.
             let (delay, x) = (signals.channel("speed_y").is_some(), vec![x.plus(signals.term("speed_y", 1))]);
-            all.push(Relation { what, y: y.late(), x, gain: Gain::Same(2.5), constant: true, delay });
+            all.push(Relation { what, y: y.late(), x, gain: Gain::Same(2.5), constant: true, given: "", delay });
         }
         let rest = signals.of(["accel_y", "gyro_z", ahead], 0, |[a, r, v]| a - r * v);
         if let (Some(y), Some(x)) = (rest, signals.term("speed_y", 1)) {
             let what = "the change of speed_y against accel_y less yaw rate times speed";
-            all.push(Relation { what, y, x: vec![x], gain: Gain::Same(2.5), constant: true, delay: false });
+            all.push(Relation { what, y, x: vec![x], gain: Gain::Same(2.5), constant: true, given: "", delay: false });
         }
         let steered = signals.of(["steering_angle", ahead], 0, |[delta, v]| v * delta.tan() / base);
         if let (Some(y), Some(x)) = (signals.term("gyro_z", 0), steered) {
             let what = "yaw rate against speed times steering angle over wheelbase";
             // Understeer, and the lag of the turn: the sign and the size tell, a delay does not.
             let factor = if signals.known.is_set("vehicle.cg_to_front") { 6.0 } else { 20.0 };
-            all.push(Relation { what, y, x: vec![x], gain: Gain::About(1.0, factor), constant: true, delay: false });
+            all.push(Relation {
+                what,
+                y,
+                x: vec![x],
+                gain: Gain::About(1.0, factor),
+                constant: true,
+                given: "vehicle.cg_to_front and vehicle.cg_to_rear",
+                delay: false,
+            });
         }
     }
     let track = get("vehicle.track_rear");
     let turned = signals.of(["wheel_speed_rl", "wheel_speed_rr"], 0, |[left, right]| radius * (right - left) / track);
     if let (Some(y), Some(x)) = (signals.term("gyro_z", 0), turned) {
         let what = "yaw rate against the rear wheels' difference over track";
-        all.push(Relation { what, y: y.late(), x: vec![x], gain: Gain::Same(3.0), constant: true, delay: true });
+        all.push(Relation {
+            what,
+            y: y.late(),
+            x: vec![x],
+            gain: Gain::Same(3.0),
+            constant: true,
+            given: "wheel.radius and vehicle.track_rear",
+            delay: true,
+        });
     }
     all
 }
