@@ -12,6 +12,7 @@ pub mod nis_monitor;
 pub mod rls;
 pub mod savitzky_golay;
 pub mod sigma_points;
+pub mod signal_noise;
 pub mod sliding_mode;
 pub mod sparse_ldl;
 pub mod sparse_rows;

@@ -20,6 +20,18 @@
 //! Other programs skip step 5 and keep the propagated points, which loses the process noise in the
 //! measurement's spread; drawn anew the filter equals an unscented one with `alpha = 1, beta = 0,
 //! kappa = 0`. Step 11 holds for any gain `W`. A measurement that is not finite is left out.
+//!
+//! # Constants that are not known
+//! A model's parameters are known with an error, which no filter of the states alone has in its covariance. The
+//! Schmidt-Kalman filter considers it (Schmidt, *Application of state-space methods to navigation problems*, 1966): with
+//! independent errors `p` of unit variance the state's error is that of the factor plus `C p`, so that the covariance
+//! is `S Sᵀ + C Cᵀ`. `C` moves with the state, `C <- F C + G` (`G = df/dp`), and with `D = dh/dp` and `E = H C + D`
+//!
+//! ```text
+//! S_zz = tria[Zc  S_R  E],   P_xz = Xc Zcᵀ + C Eᵀ,   C <- C - W E
+//! ```
+//!
+//! The parameters themselves are not estimated. Without any this is the filter above.
 
 use super::gaussian::FactoredGaussian;
 use super::innovation::{Gate, Innovation, Verdict};
@@ -51,8 +63,23 @@ pub fn correct<const N: usize, const M: usize, const P: usize>(
     belief: &mut FactoredGaussian<N>,
     z: &SVector<f64, M>,
     std: &SVector<f64, M>,
+    gate: (Gate, &mut u32),
+    considered: [bool; N],
+    h: impl Fn(&[SVector<f64, N>; P]) -> [SVector<f64, M>; P],
+) -> Innovation<M> {
+    let none = (&mut SMatrix::<f64, N, 0>::zeros(), &SMatrix::zeros());
+    correct_considering(belief, z, std, gate, considered, none, h)
+}
+
+/// [`correct`] with `K` constants that are known with an error: `cross` is `C`, `N x K`, which the update changes, and
+/// `shown` is `E`, `M x K`, how an error of one standard deviation of each shows in the measurements.
+pub fn correct_considering<const N: usize, const M: usize, const P: usize, const K: usize>(
+    belief: &mut FactoredGaussian<N>,
+    z: &SVector<f64, M>,
+    std: &SVector<f64, M>,
     (gate, in_a_row): (Gate, &mut u32),
     considered: [bool; N],
+    (cross, shown): (&mut SMatrix<f64, N, K>, &SMatrix<f64, M, K>),
     h: impl Fn(&[SVector<f64, N>; P]) -> [SVector<f64, M>; P],
 ) -> Innovation<M> {
     let available: [bool; M] = std::array::from_fn(|j| z[j].is_finite());
@@ -63,6 +90,7 @@ pub fn correct<const N: usize, const M: usize, const P: usize>(
     let seen = h(&points(belief));
     let expected = mean(&seen);
     let mut spread = centred(&seen, &expected);
+    let mut shown = *shown;
     // A channel without a sample becomes one that measures nothing, with unit noise: independent
     // of all others, without gain and without a share in the likelihood.
     let mut noise = SMatrix::<f64, M, M>::identity();
@@ -72,10 +100,12 @@ pub fn correct<const N: usize, const M: usize, const P: usize>(
             out.residual[j] = z[j] - expected[j];
         } else {
             spread.row_mut(j).fill(0.0);
+            shown.row_mut(j).fill(0.0);
         }
     }
     let mut factor = noise;
     absorb(&mut factor, spread);
+    absorb(&mut factor, shown);
 
     let white = forward(&factor, &out.residual);
     let mut determinant = 1.0;
@@ -92,7 +122,8 @@ pub fn correct<const N: usize, const M: usize, const P: usize>(
     // The centred points are ± S e_i sqrt(N/2N), so P_xz = S (Zc+ - Zc-)ᵀ / sqrt(2)
     let half = belief.factor * std::f64::consts::FRAC_1_SQRT_2;
     let opposite = SMatrix::<f64, M, N>::from_fn(|j, i| spread[(j, i)] - spread[(j, N + i)]);
-    let mut gain = divide(&product(&half, &opposite.transpose()), &factor);
+    let joint = product(&half, &opposite.transpose()) + product(cross, &shown.transpose());
+    let mut gain = divide(&joint, &factor);
     (0..N).filter(|i| considered[*i]).for_each(|i| gain.row_mut(i).fill(0.0));
     belief.mean += gain * out.residual;
     let mut rest = -product(&gain, &spread);
@@ -104,6 +135,7 @@ pub fn correct<const N: usize, const M: usize, const P: usize>(
     }
     belief.factor = tria(rest);
     absorb(&mut belief.factor, product(&gain, &noise));
+    *cross -= product(&gain, &shown);
     out
 }
 
