@@ -45,10 +45,7 @@ fn wrong_units_and_signs_are_contradicted_within_three_seconds() {
     }
 }
 
-/// A car at rest whose accelerometer is far noisier than declared: the filter pushes the car sideways past the peak of
-/// the tyres' force, where the force no longer says how far.
-#[test]
-fn a_noisy_accelerometer_of_a_car_at_rest_is_contradicted_within_two_seconds() {
+fn car() -> Parameters {
     let mut p = Parameters::default();
     let v = &mut p.vehicle;
     (v.mass, v.yaw_inertia, v.cg_to_front, v.cg_to_rear) = (1926.2, 2763.49, 1.264, 1.367);
@@ -58,22 +55,126 @@ fn a_noisy_accelerometer_of_a_car_at_rest_is_contradicted_within_two_seconds() {
         (tire.nominal_load, tire.stiffness, tire.friction) = (load, stiffness, 1.0);
     }
     (p.filter.channels, p.filter.use_speed, p.filter.minimum_speed) = (Channels::Gyro, true, 2.0);
-    for noisy in [0.1, 3.0, 4.0, 6.0] {
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut noise = |std: f64| std * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng);
-        let mut estimator = WheeledRobot::new(&p).unwrap();
-        let (mut out, mut worst, mut healthy) = (Outputs::default(), 0.0f64, 0);
-        for k in 0..4000 {
-            let (speed, gyro_z, accel_y) = (noise(0.01), noise(0.005), noise(noisy));
+    p
+}
+
+/// A car that stands for 10 s and then drives straight on, `noisy(t)` being the accelerometer's noise, m/s2: time,
+/// lateral speed (truth 0) and outputs after each sample.
+fn straight_on(seed: u64, p: &Parameters, noisy: impl Fn(f64) -> f64) -> Vec<(f64, Outputs)> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut noise = |std: f64| std * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng);
+    let mut estimator = WheeledRobot::new(p).unwrap();
+    let mut out = Outputs::default();
+    (0..5000)
+        .map(|k| {
+            let time = f64::from(k) * p.sample_period;
+            let speed = (time - 10.0).clamp(0.0, 10.0) + noise(0.01);
+            let (gyro_z, accel_y) = (noise(0.005), noise(noisy(time)));
             let inputs = Inputs { steering_angle: 0.0, speed, gyro_z, accel_y, ..Inputs::default() };
             estimator.step(&inputs, p.sample_period);
             estimator.outputs(&inputs, 0.0, &mut out);
-            worst = worst.max(out.speed_y.value.abs());
-            healthy += usize::from(k >= 400 && out.diagnostics.healthy);
+            (time, out.clone())
+        })
+        .collect()
+}
+
+/// The raw accelerometer of a road vehicle is noisier than declared by far. The filter once followed it past the peak of
+/// the tyres' force, where the force no longer says how far: 100 m/s sideways at rest, and healthy.
+#[test]
+fn a_noisy_accelerometer_moves_no_car_sideways() {
+    for seed in 1..4 {
+        for noisy in [0.1, 1.0, 2.0, 3.0, 4.0, 6.0] {
+            let out = straight_on(seed, &car(), |_| noisy);
+            let worst = out.iter().map(|(_, o)| o.speed_y.value.abs()).fold(0.0, f64::max);
+            let beyond = |many: f64| {
+                let far = |(_, o): &&(f64, Outputs)| o.speed_y.value.abs() > many * o.speed_y.std;
+                out.iter().filter(far).count() as f64 / out.len() as f64
+            };
+            let healthy = out.iter().filter(|(_, o)| o.diagnostics.healthy).count() as f64 / out.len() as f64;
+            println!("{noisy} m/s2: at most {worst:.3} m/s, beyond 2 std {:.4}, 3 std {:.4}", beyond(2.0), beyond(3.0));
+            assert!(worst < 0.4 && beyond(2.0) < 0.05 && beyond(3.0) < 0.01 && healthy > 0.99, "{seed} {noisy}");
         }
-        println!("{noisy} m/s2: speed_y off by up to {worst:.2} m/s, healthy in {healthy} samples after 2 s");
-        assert_eq!(healthy, if noisy == 0.1 { 3600 } else { 0 }, "{noisy} m/s2");
     }
+}
+
+#[test]
+fn the_lateral_speed_recovers_once_the_accelerometer_is_quiet_again() {
+    for seed in 1..4 {
+        for mut p in [car(), car()] {
+            let followed = seed == 2;
+            // even where the noise was not adapted to and the sideslip was lost
+            p.filter.adaptive = !followed;
+            let out = straight_on(seed, &p, |time| if time < 15.0 { 5.0 } else { 0.1 });
+            for (time, o) in out.iter().filter(|(time, _)| *time > 19.0) {
+                assert!(o.speed_y.value.abs() < 0.1 && o.diagnostics.healthy, "{seed} {time} {o:?}");
+            }
+        }
+    }
+}
+
+/// In gentle driving the process noise can follow such measurements, and the innovations stay small.
+#[test]
+fn wrong_units_and_signs_are_contradicted_in_gentle_driving_too() {
+    type Spoil = fn(&mut Inputs);
+    let faults: [(&str, Spoil); 8] = [
+        ("gyro in deg/s", |i| i.gyro_z = i.gyro_z.to_degrees()),
+        ("gyro turned", |i| i.gyro_z = -i.gyro_z),
+        ("accelerometer turned", |i| i.accel_y = -i.accel_y),
+        ("accelerometer in g", |i| (i.accel_x, i.accel_y) = (i.accel_x / 9.81, i.accel_y / 9.81)),
+        ("accelerometer's axes exchanged", |i| (i.accel_x, i.accel_y) = (i.accel_y, i.accel_x)),
+        ("wheel speeds in rpm", |i| each_wheel(i, |speed| speed * 60.0 / std::f64::consts::TAU)),
+        ("steering turned", |i| i.steering_angle = -i.steering_angle),
+        ("steering in degrees", |i| i.steering_angle = i.steering_angle.to_degrees()),
+    ];
+    for (seed, swing) in [(3, 0.04), (4, 0.06), (5, 0.1)] {
+        let log = drive(seed, 10.0, 3.0, swing);
+        let p = parameters(Channels::WheelSpeed);
+        assert_eq!(contradicted_after(&run(&p, &log, |_, _| {})), None, "without a fault");
+        for (fault, spoil) in faults {
+            let out = run(&p, &log, |_, i| spoil(i));
+            let after = contradicted_after(&out);
+            let healthy = out[300..].iter().filter(|o| o.diagnostics.healthy).count() as f64 / 700.0;
+            println!("swing {swing}: {fault}: contradicted after {after:.2?} s, then healthy {healthy:.2} of the time");
+            assert!(after.is_some_and(|after| after < 3.0) && healthy < 0.02, "{swing} {fault} {after:?} {healthy}");
+        }
+    }
+}
+
+/// Tyres, radius and sensors whose errors are drawn from what the parameters declare.
+#[test]
+fn errors_of_tyres_radius_and_sensors_are_in_the_standard_deviations() {
+    let (mut squares, mut within, mut count) = ([0.0; 2], [0.0; 2], 0.0);
+    for seed in 0..12 {
+        let mut rng = ChaCha8Rng::seed_from_u64(100 + seed);
+        let mut normal = || <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng);
+        let mut p = parameters(Channels::WheelSpeed);
+        for tire in [&mut p.tire.front, &mut p.tire.rear] {
+            (tire.stiffness_std, tire.friction_std) = (0.15, 0.15);
+            tire.stiffness *= 1.0 + 0.15 * normal();
+            let friction = 1.0 + 0.15 * normal();
+            (tire.friction, tire.friction_slope) = (tire.friction * friction, tire.friction_slope * friction);
+        }
+        p.wheel.radius *= 1.0 + p.wheel.radius_std * normal();
+        let (bias, angle) =
+            (p.imu.accel_y_bias_std * normal(), p.filter.measurement_std.steering_angle_bias * normal());
+        let log = drive(seed, 10.0, 3.0, 0.2);
+        let out = run(&p, &log, |_, i| {
+            i.accel_y += bias;
+            i.steering_angle += angle;
+        });
+        for (o, (_, truth)) in out.iter().zip(&log).skip(100) {
+            for (i, estimate) in [o.speed_x, o.speed_y].into_iter().enumerate() {
+                let off = (estimate.value - truth[i]) / estimate.std;
+                squares[i] += off * off;
+                within[i] += f64::from(off.abs() < 2.0);
+            }
+            assert!(!o.diagnostics.status.contains(Status::CONTRADICTED));
+            count += 1.0;
+        }
+    }
+    let (squares, within) = (squares.map(|s| s / count), within.map(|w| w / count));
+    println!("speed_x, speed_y: squared errors over variances {squares:.2?}, within two deviations {within:.3?}");
+    assert!(within.iter().all(|share| *share > 0.9) && squares.iter().all(|square| (0.2..1.5).contains(square)));
 }
 
 #[test]

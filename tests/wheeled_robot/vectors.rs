@@ -28,6 +28,7 @@ fn tire(v: &Value) -> Tire {
         friction: number("mu0"),
         friction_slope: number("mu1"),
         curvature: number("E"),
+        ..Tire::default()
     }
 }
 

@@ -107,6 +107,8 @@ variables! {
         // Not flagged as noise to be tuned: the innovations show only its sum with that of accel_y.
         /// Of the steering angle. Through the front tyres it moves the lateral acceleration that the model expects by 2 tire.front.stiffness / vehicle.mass times this, which adds to the measurement noise in squares.
         steering_angle: f64 = 0.003, "rad", [0.0, 1.0], tunable;
+        /// Of a constant error of the steering angle, and of the direction in which the rear wheels roll, which count in the estimates' deviations.
+        steering_angle_bias: f64 = 0.005, "rad", [0.0, 1.0], tunable;
     }
 }
 
@@ -124,7 +126,9 @@ variables! {
         /// Measurement noise.
         measurement_std: MeasurementStd;
         /// All channels of a sample are rejected when nis exceeds this; 0 rejects none. After ten rejections in a row samples are let through until one agrees.
-        gate: f64 = 0.0, "1", [0.0, 1e9], tunable;
+        gate: f64 = 16.0, "1", [0.0, 1e9], tunable;
+        /// Whether accelerations, yaw rate and speed count as noisier than declared while they are: white noise shows in their third differences.
+        adaptive: bool = true, "1", tunable;
         /// Speed below which slip angles are taken as if at this speed (v_min).
         minimum_speed: f64 = 0.5, "m/s", [1e-3, 50.0];
         /// How the equations of motion are made discrete.
@@ -141,6 +145,8 @@ variables! {
         x: f64 = 0.0, "m", [-50.0, 50.0];
         /// Left of the centre of gravity.
         y: f64 = 0.0, "m", [-50.0, 50.0];
+        /// Standard deviation of a constant error of accel_y, of a banked road's share of gravity too, which counts in the estimates' deviations.
+        accel_y_bias_std: f64 = 0.2, "m/s2", [0.0, 100.0], tunable;
     }
 }
 

@@ -1,9 +1,10 @@
 //! Outputs from the state: the estimates carried forward, and their standard deviations.
 
+use super::constants::Grip;
 use super::variables::Outputs;
 use super::{RobotMachine, State, UNREACHABLE};
 use crate::filter::gaussian::FactoredGaussian;
-use crate::model::wheeled_robot::{Drive, Driven, Motion, Wheels};
+use crate::model::wheeled_robot::{Drive, Forces, Motion, Wheels};
 use crate::variable::Estimate;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
@@ -18,12 +19,13 @@ fn estimates(value: &Wheels, std: &Wheels) -> [Estimate; 4] {
 
 impl RobotMachine {
     pub(super) fn report(&self, state: &State, steering: f64, horizon: f64, out: &mut Outputs) {
-        let State { belief, forces, .. } = state;
+        let State { forces, .. } = state;
+        let belief = &self.constants.counted(&state.belief, &state.cross);
         let drive = Drive::new(steering, forces.force);
-        let driven = self.model.driven(&drive);
         let mut x = Motion::from(belief.mean);
-        let (mut load, mut lateral) = (state.load, state.lateral);
+        let mut grip = state.grip;
         if horizon > 0.0 {
+            let driven = self.model.driven(&drive);
             let steps = (horizon / self.parameters.sample_period).ceil().max(1.0);
             let moved = (0..steps as u32).fold(x, |x, _| {
                 let [x] = self.integration.advance(&driven, [x], horizon / steps, x[0]);
@@ -33,7 +35,9 @@ impl RobotMachine {
             if moved.iter().all(|value| value.abs() < UNREACHABLE) {
                 x = moved;
                 let [carried] = driven.forces_of(&[x]);
-                (load, lateral) = (carried.load, carried.lateral);
+                let Forces { slip_angle, load, lateral, .. } = carried;
+                let stiffness = self.model.cornering_stiffness(slip_angle, load, &drive);
+                grip = Grip { load, lateral, slip_angle, stiffness };
             }
         }
 
@@ -49,30 +53,17 @@ impl RobotMachine {
             Estimate::new(0.0, PI / 3f64.sqrt())
         };
 
-        let lateral_std = self.lateral_std(belief, &x, &drive, &driven, &load);
+        let slopes = self.model.slip_derivatives(&x, &drive);
+        let lateral_std =
+            std::array::from_fn(|i| self.constants.lateral_std(&state.belief, &state.cross, slopes[i], &grip, i));
         [out.wheel_force_x_fl, out.wheel_force_x_fr, out.wheel_force_x_rl, out.wheel_force_x_rr] =
             estimates(&forces.force, &forces.force_std);
         [out.wheel_force_y_fl, out.wheel_force_y_fr, out.wheel_force_y_rl, out.wheel_force_y_rr] =
-            estimates(&lateral, &lateral_std);
+            estimates(&grip.lateral, &lateral_std);
         [out.wheel_load_fl, out.wheel_load_fr, out.wheel_load_rl, out.wheel_load_rr] =
-            estimates(&load, &self.load_std(&forces.force_std, &lateral_std));
+            estimates(&grip.load, &self.load_std(&forces.force_std, &lateral_std));
         [out.nis_accel_x, out.nis_accel_y, out.nis_gyro_z, out.nis_speed] = state.nis;
         out.output_error = state.output_error;
-    }
-
-    /// Standard deviations of the lateral forces from that of the slip angles, through the
-    /// tyres' cornering stiffness, N.
-    fn lateral_std(
-        &self,
-        belief: &FactoredGaussian<3>,
-        x: &Motion,
-        drive: &Drive,
-        driven: &Driven,
-        load: &Wheels,
-    ) -> Wheels {
-        let stiffness = self.model.cornering_stiffness(driven.slip_angles(x), *load, drive);
-        let derivatives = self.model.slip_derivatives(x, drive);
-        std::array::from_fn(|i| stiffness[i].abs() * std_along(belief, derivatives[i]))
     }
 
     /// Standard deviations of the wheel loads from those of the forces that shift them, N.

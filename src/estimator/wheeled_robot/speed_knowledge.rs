@@ -38,7 +38,7 @@ pub(super) struct Evidence {
 }
 
 /// Whether the parameters let a speed be measured at all.
-fn is_measured(filter: &Filter) -> bool {
+pub(super) fn is_measured(filter: &Filter) -> bool {
     filter.channels == Channels::WheelSpeed || filter.use_speed
 }
 

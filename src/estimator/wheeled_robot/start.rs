@@ -1,5 +1,6 @@
 //! Where the motion starts: at the first sample, and anew after a gap.
 
+use super::constants::Cross;
 use super::{RobotMachine, State};
 use crate::estimator::Elapsed;
 use crate::filter::gaussian::FactoredGaussian;
@@ -25,12 +26,14 @@ impl RobotMachine {
         state.belief = self.unseen_motion(state.belief.mean[0], bounded);
         state.speed.reset(initial.hypot(std).min(UNKNOWN_SPEED), gap);
         state.forces = self.initial.forces.clone();
-        (state.load, state.lateral) = (self.initial.load, self.initial.lateral);
+        state.grip = self.initial.grip;
+        (state.cross, state.noise) = (Cross::zeros(), self.initial.noise);
         state.rejections = 0;
+        state.agreement = self.initial.agreement;
     }
 
     /// Motion of which only the speed is known: it goes about straight on, and slides and turns as vehicles do.
-    fn unseen_motion(&self, speed: f64, speed_std: f64) -> FactoredGaussian<3> {
+    pub(super) fn unseen_motion(&self, speed: f64, speed_std: f64) -> FactoredGaussian<3> {
         let (initial, fast) = (&self.parameters.initial, self.guarded(speed));
         let turning = (UNSEEN_CURVATURE / self.model.vehicle.wheelbase() * fast).min(UNSEEN_ACCELERATION / fast);
         let lateral = initial.speed_y_std.hypot(UNSEEN_SIDESLIP * fast);

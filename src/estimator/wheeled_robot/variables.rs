@@ -44,12 +44,12 @@ variables! {
 }
 
 variables! {
-    /// What is estimated. Wheels: front left, front right, rear left, rear right. Standard deviations leave out errors
-    /// of the tyres' parameters.
+    /// What is estimated. Wheels: front left, front right, rear left, rear right. Standard deviations count
+    /// the errors of tyres, radius and sensors that the parameters declare.
     pub struct Outputs {
         /// Longitudinal speed of the centre of gravity, forward positive.
         speed_x: Estimate = Estimate::NONE, "m/s";
-        /// Lateral speed of the centre of gravity, to the left positive. Its standard deviation leaves out errors of the tyres' parameters.
+        /// Lateral speed of the centre of gravity, to the left positive.
         speed_y: Estimate = Estimate::NONE, "m/s";
         /// Yaw rate, to the left positive.
         yaw_rate: Estimate = Estimate::NONE, "rad/s";
@@ -63,13 +63,13 @@ variables! {
         wheel_force_x_rl: Estimate = Estimate::NONE, "N";
         /// Longitudinal force of the ground on the rear right wheel, forward positive.
         wheel_force_x_rr: Estimate = Estimate::NONE, "N";
-        /// Lateral force of the ground on the front left wheel, across the wheel, to the left positive. Its standard deviation leaves out errors of the tyres' parameters.
+        /// Lateral force of the ground on the front left wheel, across the wheel, to the left positive.
         wheel_force_y_fl: Estimate = Estimate::NONE, "N";
-        /// Lateral force of the ground on the front right wheel, across the wheel, to the left positive. Its standard deviation leaves out errors of the tyres' parameters.
+        /// Lateral force of the ground on the front right wheel, across the wheel, to the left positive.
         wheel_force_y_fr: Estimate = Estimate::NONE, "N";
-        /// Lateral force of the ground on the rear left wheel, to the left positive. Its standard deviation leaves out errors of the tyres' parameters.
+        /// Lateral force of the ground on the rear left wheel, to the left positive.
         wheel_force_y_rl: Estimate = Estimate::NONE, "N";
-        /// Lateral force of the ground on the rear right wheel, to the left positive. Its standard deviation leaves out errors of the tyres' parameters.
+        /// Lateral force of the ground on the rear right wheel, to the left positive.
         wheel_force_y_rr: Estimate = Estimate::NONE, "N";
         /// Vertical load of the front left wheel. Its standard deviation is that from the accelerations' uncertainty.
         wheel_load_fl: Estimate = Estimate::NONE, "N";

@@ -13,6 +13,12 @@
 //! Positive slip angle gives positive (leftward) force. CN117406607B names B, C, D, E; its formula is
 //! an image that the published text lacks. The load laws are those of Pacejka's tyre book.
 //!
+//! `B alpha` contains K and mu only as their ratio, so that their relative errors move the force by
+//!
+//! ```text
+//! dFy/dln K0 = alpha dFy/dalpha,    dFy/dln mu0 = Fy - alpha dFy/dalpha
+//! ```
+//!
 //! [`Tire`] is the definition; [`Tires`] computes four tyres side by side and is held to it by its tests.
 
 mod wide;
@@ -38,6 +44,10 @@ variables! {
         friction_slope: f64 = -0.1, "1", [-2.0, 2.0];
         /// Curvature factor (E).
         curvature: f64 = -0.2, "1", [-50.0, 1.0];
+        /// Error of the stiffness over the stiffness (one standard deviation), which counts in the estimates' deviations.
+        stiffness_std: f64 = 0.3, "1", [0.0, 10.0], tunable;
+        /// Error of the friction over the friction (one standard deviation), likewise.
+        friction_std: f64 = 0.3, "1", [0.0, 10.0], tunable;
     }
 }
 

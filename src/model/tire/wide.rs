@@ -140,8 +140,16 @@ mod tests {
         for (shape, curvature) in [(1.0, 1.0), (1.3, -4.0), (1.4, -0.2), (2.2, 0.9), (1.9, -50.0)] {
             for (load_sensitivity, friction_slope) in [(0.0, 0.0), (2.0, -0.1), (0.8, 0.4), (5.0, -2.0)] {
                 let (stiffness, nominal_load, friction) = (1318.464, 147.15, 0.8);
-                let front =
-                    Tire { stiffness, nominal_load, load_sensitivity, shape, friction, friction_slope, curvature };
+                let front = Tire {
+                    stiffness,
+                    nominal_load,
+                    load_sensitivity,
+                    shape,
+                    friction,
+                    friction_slope,
+                    curvature,
+                    ..Tire::default()
+                };
                 let rear = Tire { stiffness: 2000.0, nominal_load: 200.0, ..front };
                 let tires = Tires::new(&front, &rear);
                 for k in 0..400 {

@@ -58,6 +58,8 @@ variables! {
     pub struct Wheel {
         /// Rolling radius (R).
         radius: f64 = 0.15, "m", [0.001, 10.0], essential;
+        /// Error of the rolling radius over the radius (one standard deviation), which counts in speed_x_std where the speed comes from the wheels.
+        radius_std: f64 = 0.01, "1", [0.0, 1.0], tunable;
         /// Moment of inertia of one wheel with all that turns with it, a motor's rotor reflected through its gear included (J).
         inertia: f64 = 0.06, "kg.m2", [1e-8, 1e5];
         /// Longitudinal force per slip and per load, which corrects the speed taken from slipping wheels; 0 if the wheels are taken to roll without slip. Typically 15 to 30.
@@ -142,6 +144,11 @@ impl Drive {
     /// Sine of the steering angle.
     pub fn steering_sin(&self) -> f64 {
         self.steering_sin
+    }
+
+    /// Cosine of the steering angle.
+    pub fn steering_cos(&self) -> f64 {
+        self.steering_cos
     }
 }
 
