@@ -8,6 +8,13 @@
 //! Friction, shape and curvature show only where the tyre bends: they count as identified only if the slip
 //! angles reach beyond `2/B`, near the peak, and their standard errors are small. Else they keep their
 //! known values ("prior only") and the rest is fitted again with them.
+//!
+//! No tyre pulls more than friction times load. Where an axle does, its known friction is contradicted and is fitted
+//! too, wherever the slip angles end: a friction that is too small bends the curve too early and makes the stiffness
+//! too large.
+//!
+//! The filter considers the errors of stiffness and friction (`tire.*.stiffness_std`, `friction_std`): those of the fit,
+//! with what the same tyre differs by from one drive to another.
 
 pub mod axles;
 
@@ -39,6 +46,12 @@ const PRIOR_STD: [f64; 4] = [f64::INFINITY, 0.3, f64::INFINITY, 1.0];
 /// Largest standard error of an identified parameter, relative; of the curvature absolute.
 const RELATIVE: f64 = 0.1;
 const CURVATURE: f64 = 0.3;
+/// Errors of the parameters that the filter considers, relative, and what stiffness and friction differ by from one drive
+/// to another with temperature, pressure, wear and road (one standard deviation).
+const WIDTHS: [(usize, &str, f64); 2] = [(0, "stiffness_std", 0.15), (2, "friction_std", 0.1)];
+/// Share of the instants in which an axle must pull more than friction times load to contradict the friction: noise and
+/// bumps do in some.
+const BEYOND: f64 = 0.01;
 /// Fewer instants than this say nothing about a tyre.
 const LEAST_INSTANTS: usize = 30;
 
@@ -58,7 +71,9 @@ fn targets(_: &[Log]) -> Vec<Target> {
         })
     };
     let rolling = Target::declared(&declared, ROLLING, true).within(-0.2, 0.5);
-    tire(0).chain(tire(1)).chain([rolling]).collect()
+    let width =
+        |axle: &str| WIDTHS.map(|(_, width, _)| Target::declared(&declared, &format!("tire.{axle}.{width}"), true));
+    tire(0).chain(tire(1)).chain(AXLES.into_iter().flat_map(width)).chain([rolling]).collect()
 }
 
 fn read(task: &Task) -> Result<(Parameters, Vec<Axles>), LogError> {
@@ -127,18 +142,34 @@ fn tire(
     let theta: [f64; 4] = std::array::from_fn(|i| all.theta[i]);
     let fitted = with(&prior, &theta);
     let (bend, reach) = reach(p, &fitted, &instants, axle);
+    let beyond = beyond_friction(&prior, &instants, axle);
+    let contradicted = beyond > BEYOND;
     let near_peak = reach > 2.0 / bend && all.std(2) < RELATIVE;
     let shape = near_peak && all.std(1) < RELATIVE * theta[1] && !all.at_bound[1];
     let curvature = near_peak && all.std(3) < CURVATURE && !all.at_bound[3];
-    let free = [true, shape, near_peak, curvature];
-    let with_all = all.theta[0].exp();
+    let free = [true, shape, near_peak || contradicted, curvature];
+    let with_all = [all.theta[0].exp(), all.theta[2].exp()];
     let fit = if free == [true; 4] { all } else { solve(free)? };
     // what the known values of the others pull the stiffness by
-    let pull = (fit.theta[0].exp() - with_all).abs();
+    let kept = (0..4).filter(|i| free[*i]).position(|i| i == 2);
+    let pull = [0, 1].map(|i| {
+        let place = if i == 0 { Some(0) } else { kept };
+        place.map_or(0.0, |place| (fit.theta[place].exp() - with_all[i]).abs())
+    });
+    if contradicted {
+        session.warn(format!(
+            "{} = {} is contradicted: in {:.1} % of the instants the axle pulls more than friction times load; it is \
+             fitted instead",
+            name(axle, 2),
+            prior.friction,
+            100.0 * beyond
+        ));
+    }
     let mut end = unknowns(&prior);
     (0..4).filter(|i| free[*i]).zip(&fit.theta).for_each(|(i, value)| end[i] = *value);
     let fit = session.keep(fit);
     record(axle, free, fit, flattening(logs, axle), pull, session);
+    widths(axle, fit, session);
     for parameter in (1..4).filter(|parameter| !free[*parameter]) {
         let reason = if near_peak {
             "prior only: the slip angles do not tell it from the other parameters".to_owned()
@@ -151,6 +182,27 @@ fn tire(
         session.give_up(&name(axle, parameter), &reason);
     }
     Ok(with(&prior, &end))
+}
+
+/// Share of the instants in which an axle pulls more than its tyres' friction times load.
+fn beyond_friction(tire: &Tire, instants: &[(usize, &Instant)], axle: usize) -> f64 {
+    let beyond = |instant: &Instant| {
+        let peak: f64 = [2 * axle, 2 * axle + 1].map(|wheel| tire.coefficients(instant.load[wheel]).d).iter().sum();
+        instant.axle_force[axle].abs() > peak
+    };
+    instants.iter().filter(|(_, instant)| beyond(instant)).count() as f64 / instants.len() as f64
+}
+
+/// The errors that the filter shall consider.
+fn widths(axle: usize, fit: Fitted, session: &mut Session) {
+    for (parameter, width, other) in WIDTHS {
+        let (from, width) = (name(axle, parameter), format!("tire.{}.{width}", AXLES[axle]));
+        let Some((value, std)) = session.value(&from).zip(session.std_error(&from)) else {
+            session.give_up(&width, &format!("{from} is not fitted"));
+            continue;
+        };
+        session.estimate_judged(&width, fit, Judgement::default(), move |_| (std / value).hypot(other));
+    }
 }
 
 /// Stiffness factor `B` at the static load, and the slip angle that 2 % of the instants exceed.
@@ -232,14 +284,18 @@ fn flattening(logs: &[Axles], axle: usize) -> f64 {
     if slip > 0.0 { (noise / slip).min(1.0) } else { 0.0 }
 }
 
-fn record(axle: usize, free: [bool; 4], fit: Fitted, flattening: f64, pull: f64, session: &mut Session) {
+fn record(axle: usize, free: [bool; 4], fit: Fitted, flattening: f64, pull: [f64; 2], session: &mut Session) {
     let stiffness = session.solution(fit).theta[0].exp();
     // Condition and correlation say little beside priors: standard errors judge.
     let limits =
         Limits { condition_number: f64::INFINITY, relative_error: RELATIVE, correlation: 1.1, ..Limits::default() };
     let judgement = |parameter: usize| {
         let absolute_error = (parameter == 3).then_some(CURVATURE);
-        let systematic_std = if parameter == 0 { pull.hypot(flattening * stiffness) } else { 0.0 };
+        let systematic_std = match parameter {
+            0 => pull[0].hypot(flattening * stiffness),
+            2 => pull[1],
+            _ => 0.0,
+        };
         Judgement { limits: Limits { absolute_error, ..limits }, systematic_std, ..Judgement::default() }
     };
     for (place, parameter) in (0..4).filter(|parameter| free[*parameter]).enumerate() {
