@@ -21,6 +21,7 @@ fn inputs(table: &Table, row: usize) -> Inputs {
         speed: y[0],
         wheel_speed_front: y[1],
         wheel_speed_rear: y[2],
+        steering_angle: f64::NAN,
     }
 }
 

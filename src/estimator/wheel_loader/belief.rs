@@ -57,10 +57,13 @@ pub fn begin_motion(
     }
 }
 
-/// Puts unknowns and radii back to where they were before the first sample.
-pub fn reset_unknowns(belief: &mut Belief, initial: &Belief) {
+/// Puts unknowns and radii back to an earlier belief, such as that before the first sample. Nothing ties them to the
+/// present motion then.
+pub fn restore_unknowns(belief: &mut Belief, earlier: &Belief) {
+    let others = tria(earlier.factor.fixed_rows::<5>(3).into_owned());
     for row in 3..STATES {
-        belief.mean[row] = initial.mean[row];
-        belief.factor.set_row(row, &initial.factor.row(row));
+        belief.mean[row] = earlier.mean[row];
+        belief.factor.row_mut(row).fill(0.0);
     }
+    belief.factor.fixed_view_mut::<5, 5>(3, 3).copy_from(&others);
 }

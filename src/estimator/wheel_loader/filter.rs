@@ -23,7 +23,8 @@ pub struct LoaderFilter {
     pub radii: bool,
     supervise: bool,
     prediction: Prediction,
-    noise: SensorNoise,
+    /// Noise of the measurements.
+    pub noise: SensorNoise,
     gate: Gate,
     form: UpdateForm,
     /// Largest standard deviations of motion and unknowns.
@@ -80,7 +81,8 @@ impl LoaderFilter {
         channels.rejections = [0; 3];
     }
 
-    /// Takes the sample `y` that comes after `dt` seconds of `drive`, NaN where nothing was measured. A belief that is
+    /// Takes the sample `y` that comes after `dt` seconds of `drive`, NaN where nothing was measured; what a bend leaves in
+    /// the front wheel speed has the standard deviation `path_std`, rad/s. A belief that is
     /// not finite is not taken over and nothing is returned.
     pub fn sample(
         &self,
@@ -88,17 +90,17 @@ impl LoaderFilter {
         channels: &mut Channels,
         mode: Mode,
         drive: &Drive,
-        y: &Vector3<f64>,
+        (y, path_std): (&Vector3<f64>, f64),
         dt: f64,
     ) -> Option<Innovation<3>> {
         if self.radii {
             let mut posterior = *belief;
-            let innovation = self.sample_states::<STATES, 5>(&mut posterior, channels, mode, drive, y, dt);
+            let innovation = self.sample_states::<STATES, 5>(&mut posterior, channels, mode, drive, (y, path_std), dt);
             *belief = posterior.is_valid().then_some(posterior)?;
             return Some(innovation);
         }
         let mut posterior = FactoredGaussian { mean: block(&belief.mean, 0, 0), factor: block(&belief.factor, 0, 0) };
-        let innovation = self.sample_states::<6, 3>(&mut posterior, channels, mode, drive, y, dt);
+        let innovation = self.sample_states::<6, 3>(&mut posterior, channels, mode, drive, (y, path_std), dt);
         let posterior = posterior.is_valid().then_some(posterior)?;
         set_block(&mut belief.mean, 0, 0, &posterior.mean);
         set_block(&mut belief.factor, 0, 0, &posterior.factor);
@@ -112,7 +114,7 @@ impl LoaderFilter {
         channels: &mut Channels,
         mode: Mode,
         drive: &Drive,
-        y: &Vector3<f64>,
+        (y, path_std): (&Vector3<f64>, f64),
         dt: f64,
     ) -> Innovation<3> {
         let learn = mode == Mode::Active;
@@ -122,7 +124,7 @@ impl LoaderFilter {
                 self.prediction.predict::<N, K>(belief, &self.map, drive, dt, learn);
             }
         }
-        let noise = self.noise.follow(belief, y, dt, &mut channels.roughness);
+        let noise = self.noise.follow(belief, (y, path_std), dt, &mut channels.roughness);
         let gate = (self.gate, &mut channels.rejections);
         let considered = std::array::from_fn(|i| i >= 3 && !learn);
         let innovation = srukf::correct(belief, y, &noise, gate, considered, self.form);

@@ -19,6 +19,15 @@
 //! - `load_ratio` moves with acceleration, slope and spading; the source most probably plots it as "CG location". The
 //!   geometric centre of gravity of a rigid loader does not move.
 //! - A mismatch of the rolling radii looks like slip: 0.3 % spoil the centre of gravity. See `filter.radii`.
+//! - So does a bend, in which the axles' paths differ in length: by 1 % at a steering angle of 8 degrees, where slip is as
+//!   small. With `steering_angle` and `loader.steering` it is taken out of the front wheels' speed. Without, it is seen
+//!   (`bend`): the difference of the wheel speeds that no slip explains grows beyond its standard deviation; what was learnt in
+//!   the last one to two seconds is taken back, and nothing is learnt or healthy until the paths agree again. What
+//!   differs for more than 20 s is another machine (tyres, load), and is learnt from the start.
+//! - Slip speed is torque times speed over stiffness. A speed over ground that comes late adds the acceleration times the
+//!   delay, ten milliseconds as much as the slip itself; a slope that is none, because it is in degrees or has the
+//!   other sign, adds a gravity that no speed follows. Both are estimated beside the filter and contradict
+//!   (`slip_inconsistent`) where they are proved; a delay that is not proved widens the standard deviations.
 //! - Tyres whose radius and stiffness change with the load are not part of the model. In the ratio of the slips that
 //!   cannot be told from the load share, and the error does not shrink with more data. The reported standard
 //!   deviations contain it (`model_error.*`), the filter's own covariance does not.
@@ -46,6 +55,7 @@
 //! (20)-(28). Errata of (6)-(18) and Table 1 stand in the model, of (22)-(27) in the filter.
 
 mod belief;
+mod bend;
 mod coordinates;
 mod evidence;
 mod filter;
@@ -53,6 +63,7 @@ mod noise;
 mod parameters;
 mod prediction;
 mod report;
+mod speed_evidence;
 mod supervision;
 mod uncertainty;
 mod variables;
@@ -62,18 +73,23 @@ pub use parameters::*;
 pub use variables::{Inputs, Outputs};
 
 use super::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
-use crate::model::wheel_loader::{Drive, Motion};
+use crate::model::wheel_loader::{Drive, Motion, Steering};
 use crate::{ParameterError, Status};
-use belief::reset_unknowns;
+use belief::restore_unknowns;
+use bend::{PathWatch, Paths, Seen, SteeringAngle};
 use evidence::{SlipEvidence, SlipLimits};
 use filter::{Channels, LoaderFilter};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
+use speed_evidence::SpeedEvidence;
 use supervision::{Mode, Supervision};
 use uncertainty::Uncertainty;
 
 /// A gap longer than this makes the motion begin anew, s.
 const LONGEST_GAP: f64 = 0.5;
+
+/// Time between two beliefs that are kept, so that what a bend has taught before it was seen can be taken back, s.
+const KEEP_TIME: f64 = 1.0;
 
 /// The estimator; see the [module](self).
 /// ```
@@ -99,6 +115,7 @@ const LONGEST_GAP: f64 = 0.5;
 ///         speed: plant.speed(),
 ///         wheel_speed_front,
 ///         wheel_speed_rear,
+///         ..Inputs::default()
 ///     };
 ///     estimator.step(&inputs, 0.01);
 ///     for _ in 0..10 {
@@ -127,11 +144,59 @@ pub struct State {
     drive: Drive,
     supervision: Supervision,
     evidence: SlipEvidence,
+    speed_evidence: SpeedEvidence,
+    steering: SteeringAngle,
+    paths: PathWatch,
+    kept: Kept,
+}
+
+/// What was learnt by some earlier time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Learnt {
+    belief: Belief,
+    evidence: SlipEvidence,
+    speed_evidence: SpeedEvidence,
+}
+
+/// The two last times.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Kept {
+    older: Learnt,
+    newer: Learnt,
+    /// Time of learning since the newer one, s.
+    age: f64,
+}
+
+impl Kept {
+    fn new(learnt: Learnt) -> Self {
+        Self { older: learnt, newer: learnt, age: 0.0 }
+    }
 }
 
 impl State {
     fn motion(&self) -> Motion {
         Motion::new(self.belief.mean[0], self.belief.mean[1], self.belief.mean[2])
+    }
+
+    fn learnt(&self) -> Learnt {
+        Learnt { belief: self.belief, evidence: self.evidence, speed_evidence: self.speed_evidence }
+    }
+
+    /// Keeps what is believed after `dt` more seconds of learning when it is time.
+    fn keep(&mut self, dt: f64) {
+        self.kept.age += dt;
+        if self.kept.age >= KEEP_TIME {
+            self.kept = Kept { older: self.kept.newer, newer: self.learnt(), age: 0.0 };
+        }
+    }
+
+    /// Takes back what was learnt in the last one to two [`KEEP_TIME`].
+    fn take_back(&mut self) {
+        let Learnt { belief, evidence, speed_evidence } = self.kept.older;
+        restore_unknowns(&mut self.belief, &belief);
+        (self.evidence, self.speed_evidence) = (evidence, speed_evidence);
+        self.kept = Kept::new(self.kept.older);
+        self.supervision.mode = Mode::Held;
     }
 }
 
@@ -143,6 +208,7 @@ pub struct LoaderMachine {
     slip_limits: SlipLimits,
     uncertainty: Uncertainty,
     initial: Belief,
+    steering_std: f64,
     supervise: bool,
     interpolate_inputs: bool,
     healthy_std: f64,
@@ -168,6 +234,14 @@ impl Machine for LoaderMachine {
             drive: Drive::default(),
             supervision: Supervision::default(),
             evidence: SlipEvidence::default(),
+            speed_evidence: SpeedEvidence::default(),
+            steering: SteeringAngle::default(),
+            paths: PathWatch::default(),
+            kept: Kept::new(Learnt {
+                belief: initial,
+                evidence: SlipEvidence::default(),
+                speed_evidence: SpeedEvidence::default(),
+            }),
         };
         let machine = Self {
             slip_limits: SlipLimits::new(parameters, &filter.map, &initial),
@@ -175,6 +249,7 @@ impl Machine for LoaderMachine {
             filter,
             hold: parameters.hold.clone(),
             initial,
+            steering_std: parameters.filter.measurement_std.steering_angle,
             supervise: parameters.filter.supervise,
             interpolate_inputs: parameters.filter.interpolate_inputs,
             healthy_std: parameters.healthy_std,
@@ -183,23 +258,27 @@ impl Machine for LoaderMachine {
     }
 
     fn rules(parameters: &Parameters) -> Rules {
+        let unmeasured = parameters.loader.steering == Steering::None;
         Rules {
             sample_period: parameters.sample_period,
             longest_gap: LONGEST_GAP,
             limits: Vec::new(),
-            unused: Vec::new(),
+            unused: unmeasured.then(|| "steering_angle".to_owned()).into_iter().collect(),
         }
     }
 
     fn sample(&mut self, state: &mut State, inputs: &Inputs, screened: Status, elapsed: Elapsed) -> Outcome {
-        let y = Vector3::new(inputs.speed, inputs.wheel_speed_front, inputs.wheel_speed_rear);
+        let mut y = Vector3::new(inputs.speed, inputs.wheel_speed_front, inputs.wheel_speed_rear);
+        let (loader, angle) = (&self.filter.map.machine.loader, inputs.steering_angle);
+        let since = if let Elapsed::Step(dt) = elapsed { Some(dt) } else { None };
+        let path_std = state.steering.straighten(loader, angle, self.steering_std, &mut y, since);
         let drive = drive(inputs);
         let before = std::mem::replace(&mut state.drive, drive);
         state.supervision.count(screened);
         let outcome = match elapsed {
             Elapsed::Step(dt) if state.motion_known => {
                 let drive = if self.interpolate_inputs { mean(&before, &drive) } else { drive };
-                self.step(state, &drive, &y, dt)
+                self.step(state, &drive, &y, path_std, dt)
             }
             _ => self.begin(state, &y),
         };
@@ -211,7 +290,8 @@ impl Machine for LoaderMachine {
     }
 
     fn usable(&self, state: &State, outputs: &Outputs) -> bool {
-        !state.evidence.contradicts()
+        !self.contradicted(state)
+            && !state.paths.differs()
             && !state.supervision.is_stale(&self.hold)
             && outputs.cg_ratio.std <= self.healthy_std
     }
@@ -229,52 +309,106 @@ impl LoaderMachine {
     fn begin(&self, state: &mut State, y: &Vector3<f64>) -> Outcome {
         self.filter.begin(&mut state.belief, &mut state.channels, y);
         state.supervision.reset();
+        state.speed_evidence.interrupt();
         state.motion_known = y.iter().any(|value| value.is_finite());
         Outcome { used: state.motion_known, ..Outcome::default() }
     }
 
     /// One sample under supervision: hold, time update, gate, measurement update, limits.
-    fn step(&self, state: &mut State, drive: &Drive, y: &Vector3<f64>, dt: f64) -> Outcome {
+    fn step(&self, state: &mut State, drive: &Drive, y: &Vector3<f64>, path_std: f64, dt: f64) -> Outcome {
         let mut status = if self.supervise {
-            self.supervise(state, drive, y, dt)
+            self.supervise(state, drive, y, path_std, dt)
         } else {
             state.supervision.mode = Mode::Active;
             Status::OK
         };
         let State { belief, channels, supervision, .. } = state;
-        let Some(innovation) = self.filter.sample(belief, channels, supervision.mode, drive, y, dt) else {
+        let Some(innovation) = self.filter.sample(belief, channels, supervision.mode, drive, (y, path_std), dt) else {
             status |= Status::RECOVERED | Status::SKIPPED;
             return Outcome { status, ..Outcome::default() };
         };
         status.raise_if(innovation.any_rejected(), Status::GATED);
         status.raise_if(channels.any_let_through(&innovation), Status::RESTARTED);
+        if state.supervision.mode == Mode::Active {
+            state.keep(dt);
+        }
         Outcome {
             status,
             nis: innovation.nis,
             channels: innovation.dof,
             log_likelihood: innovation.log_likelihood,
             used: innovation.used_count() > 0,
-            // The motion walks at random, which a wheel that spins or grips again does not.
-            unmodelled: supervision.mode == Mode::Held,
+            // The motion walks at random, which a wheel that spins or grips again does not, nor a tyre right after that.
+            unmodelled: state.supervision.mode == Mode::Held || state.supervision.is_settling(&self.hold),
         }
     }
 
     /// Decides whether the unknowns are held, and whether what they have learnt can be true.
-    fn supervise(&self, state: &mut State, drive: &Drive, y: &Vector3<f64>, dt: f64) -> Status {
+    fn supervise(&self, state: &mut State, drive: &Drive, y: &Vector3<f64>, path_std: f64, dt: f64) -> Status {
         let mut status = Status::OK;
         let (motion, map) = (state.motion(), &self.filter.map);
-        let (machine, contradicted) = (map.corrected(&state.belief.mean), state.evidence.contradicts());
-        let reasons = state.supervision.decide(&self.hold, &machine, y, &motion, contradicted, dt);
+        let machine = map.corrected(&state.belief.mean);
+        let barred = self.contradicted(state) || state.paths.differs();
+        let reasons = state.supervision.decide(&self.hold, &machine, y, &motion, barred, dt);
         status.raise_if(reasons.standstill, Status::STANDSTILL);
         status.raise_if(reasons.spin, Status::SLIP);
+        if reasons.standstill || reasons.spin {
+            state.speed_evidence.interrupt();
+        }
+        if reasons.standstill {
+            return status;
+        }
+        let mut late = false;
+        if !reasons.spin {
+            let v = if y[0].is_finite() { y[0] } else { motion[0] };
+            let unknowns = map.unknowns_of(&state.belief.mean);
+            let (radius, steady) = (machine.loader.wheel_radius(), machine.steady_slip(v, &unknowns, drive));
+            let wheel_std = self.filter.noise.wheel_std(path_std);
+            let seen = Seen { map, belief: &state.belief, unknowns: &unknowns, radius, steady: &steady, wheel_std };
+            match state.paths.update(&seen, y, v, dt) {
+                Paths::Same => {}
+                Paths::Part => {
+                    state.take_back();
+                }
+                Paths::StayApart => status |= self.begin_anew(state),
+            }
+            late = !state.paths.differs() && state.speed_evidence.update(radius, &steady, drive, y, dt);
+        }
         // By the radii as given: corrected ones have learnt from the same data.
-        if !reasons.standstill && state.evidence.update(&map.machine, drive, y, &self.slip_limits, dt) {
+        let slipless = !state.paths.is_bend() && state.evidence.update(&map.machine, drive, y, &self.slip_limits, dt);
+        if slipless || late {
             // What was learnt from contradictory data is worth nothing.
-            reset_unknowns(&mut state.belief, &self.initial);
-            state.supervision.mode = Mode::Held;
+            self.forget(state);
             status |= Status::RESTARTED;
         }
         status
+    }
+
+    /// Whether slip, torque, speed and slope contradict each other.
+    pub(super) fn contradicted(&self, state: &State) -> bool {
+        state.evidence.contradicts() || state.speed_evidence.contradicts()
+    }
+
+    /// Gives up what was learnt.
+    fn forget(&self, state: &mut State) {
+        restore_unknowns(&mut state.belief, &self.initial);
+        state.supervision.mode = Mode::Held;
+        state.kept = Kept::new(state.learnt());
+    }
+
+    /// Paths that differ for good are those of another machine: tyres, pressure, load. What was learnt is given up, and
+    /// the radii, where they are estimated, may be as far off as was seen.
+    fn begin_anew(&self, state: &mut State) -> Status {
+        if !self.filter.radii {
+            return Status::OK;
+        }
+        self.forget(state);
+        for i in 6..8 {
+            let factor = &mut state.belief.factor[(i, i)];
+            *factor = factor.max(state.paths.difference());
+        }
+        state.paths.reset();
+        Status::RESTARTED
     }
 }
 

@@ -28,16 +28,24 @@ impl SensorNoise {
         }
     }
 
+    /// Standard deviations of the wheel speeds as given, with what a bend adds to the front one, rad/s.
+    pub fn wheel_std(&self, path_std: f64) -> [f64; 2] {
+        [self.given[1].hypot(path_std), self.given[2]]
+    }
+
     /// The present noise level, and with it the weight of each sample: one with a large innovation counts less (Huber).
-    /// The speed is as noisy as the worse of the axles.
+    /// The speed is as noisy as the worse of the axles; `path_std` is what a bend adds to the front wheel speed, rad/s.
     pub fn follow<const N: usize>(
         &self,
         predicted: &FactoredGaussian<N>,
-        y: &Vector3<f64>,
+        (y, path_std): (&Vector3<f64>, f64),
         dt: f64,
         roughness: &mut [Roughness; 2],
     ) -> Noise<3> {
-        let given = self.given;
+        let mut given = self.given;
+        if path_std > 0.0 {
+            given[1] = given[1].hypot(path_std);
+        }
         let Some((adaptation, usual)) = &self.adaptation else {
             return Noise { level: given, weighted: given };
         };

@@ -74,6 +74,8 @@ variables! {
         speed: f64 = 0.02, "m/s", [1e-6, 10.0], measurement_noise;
         /// Standard deviation of the wheel speeds.
         wheel_speed: f64 = 0.035, "rad/s", [1e-6, 100.0], measurement_noise;
+        /// Standard deviation of the steering angle's error, which lasts as long as a bend.
+        steering_angle: f64 = 0.01, "rad", [0.0, 1.0];
     }
 }
 
@@ -112,10 +114,12 @@ variables! {
         stop_speed: f64 = 0.4, "m/s", [0.0, 10.0];
         /// Held estimation goes on above this speed.
         resume_speed: f64 = 0.6, "m/s", [0.0, 10.0];
-        /// Measured slip beyond which a wheel spins.
+        /// Measured slip beyond which a wheel spins; it grips again below 0.7 of that.
         slip: f64 = 0.12, "1", [1e-3, 10.0];
-        /// Time after the start or a hold before the estimates are updated; transients of the tyres settle in it.
+        /// Time after the start before the estimates are updated; transients of the tyres settle in it.
         settle_time: f64 = 0.5, "s", [0.0, 60.0];
+        /// Time after a later hold, standstill or gap before the estimates are updated again; at most settle_time.
+        resume_time: f64 = 0.17, "s", [0.0, 60.0];
         /// Successive samples without any measurement, or with an old value of an input that has none, after which the estimates are held. An input that never had one does not count.
         samples: i32 = 50, "1", [0, 1_000_000];
     }
@@ -164,8 +168,8 @@ variables! {
         radii: Radii = Radii::Estimated, "1";
         /// Spread of the sigma points. Wider ones reach slips that no drive has, and read a slip stiffness from them at low speed.
         alpha: f64 = 0.3, "1", [1e-4, 10.0];
-        /// Weight of the fourth moment; at least alpha squared.
-        beta: f64 = 2.0, "1", [0.0, 100.0];
+        /// Weight of the fourth moment; at least alpha squared. It is the variance that the transform gives the square of a unit Gaussian, which is 2. Below 0.8, that of the flattest distribution with one peak, no covariance is honest.
+        beta: f64 = 2.0, "1", [0.8, 100.0];
         /// Second spread of the sigma points.
         kappa: f64 = 0.0, "1", [-5.0, 100.0];
         /// Implicit steps of the model per sample; more are taken where one would be longer than 10 ms.
@@ -245,6 +249,11 @@ impl Parameters {
             return refuse("filter.beta", beta, "1", reason);
         }
         let Hold { stop_speed, resume_speed, .. } = self.hold;
+        let Loader { wheelbase, joint_to_front_axle, .. } = self.loader;
+        if joint_to_front_axle > wheelbase {
+            let reason = format!("lies behind the rear axle: it must not exceed loader.wheelbase = {wheelbase}");
+            return refuse("loader.joint_to_front_axle", joint_to_front_axle, "m", reason);
+        }
         if resume_speed < stop_speed {
             return refuse(
                 "hold.resume_speed",

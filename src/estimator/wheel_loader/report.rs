@@ -12,18 +12,24 @@ impl LoaderMachine {
     pub(super) fn conditions(&self, state: &State) -> Status {
         let (map, belief) = (&self.filter.map, &state.belief);
         let unknowns = map.unknowns_of(&belief.mean);
-        let height_std = self.uncertainty.std(1, map, belief, &unknowns);
+        let delay = self.delay_error(state, unknowns[0]);
+        let height_std = self.uncertainty.std(1, map, belief, &unknowns, delay);
         let mut status = Status::OK;
         status.raise_if(!self.uncertainty.height_is_observable(height_std), Status::UNOBSERVABLE);
         status.raise_if(map.at_bound(&unknowns), Status::AT_BOUND);
         status.raise_if(state.supervision.holds(), Status::HOLD);
-        status.raise_if(state.evidence.contradicts(), Status::SLIP | Status::CONTRADICTED);
+        status.raise_if(self.contradicted(state), Status::SLIP | Status::CONTRADICTED);
         if !state.supervision.holds() {
             let machine = map.corrected(&belief.mean);
             let lifts = Driven::new(&machine, &state.drive).lifts(&state.motion(), &unknowns);
             status.raise_if(lifts, Status::LIFT_OFF);
         }
         status
+    }
+
+    /// How far the slip stiffness may be off by a speed that comes late, relatively; what was given up knows nothing of it.
+    fn delay_error(&self, state: &State, stiffness: f64) -> f64 {
+        if self.contradicted(state) { 0.0 } else { state.speed_evidence.relative_error(stiffness) }
     }
 
     /// Fills the outputs, the motion carried `horizon` seconds forward with `inputs` held.
@@ -36,7 +42,8 @@ impl LoaderMachine {
             let substeps = (horizon / 0.005).ceil().clamp(1.0, 1000.0) as u32;
             motion = machine.advance(&motion, &unknowns, &drive, horizon, substeps);
         }
-        let unknown = |i: usize| Estimate::new(unknowns[i], self.uncertainty.std(i, map, belief, &unknowns));
+        let delay = self.delay_error(state, unknowns[0]);
+        let unknown = |i: usize| Estimate::new(unknowns[i], self.uncertainty.std(i, map, belief, &unknowns, delay));
         (out.slip_stiffness, out.cg_height, out.cg_ratio) = (unknown(0), unknown(1), unknown(2));
         let wheelbase = machine.loader.wheelbase;
         out.cg_to_rear_axle = Estimate::new(out.cg_ratio.value * wheelbase, out.cg_ratio.std * wheelbase);
@@ -48,7 +55,8 @@ impl LoaderMachine {
         out.load_ratio = self.load_ratio(state, &machine, &motion, &unknowns, &drive, standing);
         out.hold = held;
         out.cg_height_observable = self.uncertainty.height_is_observable(out.cg_height.std);
-        out.slip_inconsistent = state.evidence.contradicts();
+        out.slip_inconsistent = self.contradicted(state);
+        out.bend = state.paths.differs();
     }
 
     /// Front axle's share of the load. A standing machine carries itself and the slope only: slip says nothing there.

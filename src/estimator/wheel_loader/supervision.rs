@@ -36,6 +36,10 @@ pub struct Supervision {
     stale: u32,
     /// Time since the machine could have been estimated, s.
     settled: f64,
+    /// A wheel spins and has not gripped again.
+    spinning: bool,
+    /// The unknowns have been updated since the start.
+    begun: bool,
 }
 
 /// Why the unknowns are held.
@@ -66,9 +70,14 @@ impl Supervision {
         self.stale > hold.samples.max(0) as u32
     }
 
+    /// Whether a hold was so lately that tyres may still settle.
+    pub fn is_settling(&self, hold: &Hold) -> bool {
+        self.settled <= hold.settle_time - SETTLING
+    }
+
     /// Holds as at the start, what was counted aside.
     pub fn reset(&mut self) {
-        *self = Self { lost: self.lost, stale: self.stale, ..Self::default() };
+        *self = Self { lost: self.lost, stale: self.stale, begun: self.begun, ..Self::default() };
     }
 
     /// Decides what the coming sample may change. `y` is NaN where nothing was measured, `motion` the estimate before
@@ -86,20 +95,24 @@ impl Supervision {
         let threshold = if self.holds() { hold.resume_speed } else { hold.stop_speed };
         let slow = seen(0).abs().min(motion[0].abs()) < threshold;
         let radius = machine.loader.wheel_radius();
+        let largest = if self.spinning { 0.7 * hold.slip } else { hold.slip };
+        self.spinning = (0..2).any(|i| machine.tire.slip(seen(0), seen(i + 1), radius[i]).abs() > largest);
         let reasons = Reasons {
             standstill: self.standstill.update(Some(slow), 0.0, dt),
-            spin: (0..2).any(|i| machine.tire.slip(seen(0), seen(i + 1), radius[i]).abs() > hold.slip),
+            spin: self.spinning,
             lost: self.lost > hold.samples.max(0) as u32 || self.is_stale(hold),
         };
         let unfit = reasons.standstill || reasons.spin || reasons.lost;
         self.settled = if unfit { 0.0 } else { self.settled + dt };
-        self.mode = if !unfit && !contradicted && self.settled > hold.settle_time {
+        let time = if self.begun { hold.resume_time.min(hold.settle_time) } else { hold.settle_time };
+        self.mode = if !unfit && !contradicted && self.settled > time {
             Mode::Active
-        } else if !unfit && !contradicted && self.settled > hold.settle_time - SETTLING {
+        } else if !unfit && !contradicted && self.settled > time - SETTLING {
             Mode::Settling
         } else {
             Mode::Held
         };
+        self.begun |= self.mode == Mode::Active;
         reasons
     }
 }

@@ -29,10 +29,13 @@ impl Uncertainty {
 
     /// Standard deviation of one unknown: the filter's and the model's. An unknown at the end of its range is
     /// known no better than before the first sample.
-    pub fn std(&self, i: usize, map: &Map, belief: &Belief, unknowns: &Unknowns) -> f64 {
+    /// `delay` is how far the slip stiffness may be off by a speed that comes late, relatively.
+    pub fn std(&self, i: usize, map: &Map, belief: &Belief, unknowns: &Unknowns, delay: f64) -> f64 {
         let (derivative, std) = (map.derivative_of(i, unknowns[i]), belief.std(3 + i));
         let by_filter = derivative * derivative * (std * std);
-        let std = (by_filter + self.model_variance(i, map, std, unknowns)).sqrt();
+        // Share and height follow from K times the difference of the slips; a share of a half makes none.
+        let by_delay = delay * if i == 2 { unknowns[2] - 0.5 } else { unknowns[i] };
+        let std = (by_filter + self.model_variance(i, map, std, unknowns) + by_delay * by_delay).sqrt();
         if map.at_end(i, unknowns[i]) { std.max(self.initial_std[i]) } else { std }
     }
 

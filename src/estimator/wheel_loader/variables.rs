@@ -20,12 +20,14 @@ variables! {
         spading_force_x: f64 = f64::NAN, "N", [-1e8, 1e8], held;
         /// Spading force at the bucket's tip, positive when it pulls the bucket down. NaN = the last value holds, for a while.
         spading_force_z: f64 = f64::NAN, "N", [-1e8, 1e8], held;
-        /// Speed over ground. NaN = no sample.
+        /// Speed over ground; in a bend that of the rear axle. NaN = no sample.
         speed: f64 = f64::NAN, "m/s", [-200.0, 200.0], measured;
         /// Wheel speed of the front axle. NaN = no sample.
         wheel_speed_front: f64 = f64::NAN, "rad/s", [-2e3, 2e3], measured;
         /// Wheel speed of the rear axle. NaN = no sample.
         wheel_speed_rear: f64 = f64::NAN, "rad/s", [-2e3, 2e3], measured;
+        /// Steering angle: of the front wheels, or of the front half against the rear half; used unless loader.steering is none. NaN = the last value holds, for a while.
+        steering_angle: f64 = f64::NAN, "rad", [-1.5, 1.5], held;
     }
 }
 
@@ -48,11 +50,13 @@ variables! {
         wheel_radius_rear: Estimate = Estimate::NONE, "m";
         /// Speed over ground.
         speed_estimate: Estimate = Estimate::NONE, "m/s";
-        /// The unknowns are held: standstill, a spinning wheel, no data, or slip that contradicts the torque.
+        /// The unknowns are held: standstill, a spinning wheel, a bend, no data, or slip that contradicts the torque.
         hold: bool = true, "1";
+        /// The axles' paths differ in length and no slip explains it, as in a bend whose steering angle is not measured: nothing is learnt, and nothing is healthy.
+        bend: bool = false, "1";
         /// The data have at least halved the standard deviation that the height of the centre of gravity started with.
         cg_height_observable: bool = false, "1";
-        /// Slip and torque contradict each other: torque acts but the measured slip is smaller than any tyre allows or has the wrong sign, or a wheel has spun for seconds without the torque that this takes. A sensor, its unit or a radius is wrong.
+        /// Slip and torque contradict each other: torque acts but the measured slip is smaller than any tyre allows or has the wrong sign, or a wheel has spun for seconds without the torque that this takes; or slip follows the acceleration instead of the torque, as it does if the speed comes late; or gravity does not follow the slope. A sensor, its unit, its delay or a radius is wrong.
         slip_inconsistent: bool = false, "1";
         /// What holds of the last sample. Contradicted: also slip_inconsistent. Unobservable: the height of the centre of gravity. Slip: a wheel spins or locks, or slip_inconsistent.
         @flat diagnostics: Diagnostics;

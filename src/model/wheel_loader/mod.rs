@@ -43,8 +43,12 @@
 //! [`WheelLoader::rates`] is the definition; [`Driven`] computes both axles side by side, with the derivatives and the
 //! implicit step, and is held to it by its tests.
 
+mod steady;
+mod steering;
 mod wide;
 
+pub use steady::SteadySlip;
+pub use steering::{Paths, Steering};
 pub use wide::Driven;
 
 use nalgebra::{Matrix3, Matrix3x2, Vector3};
@@ -74,6 +78,10 @@ variables! {
         bucket_reach: f64 = 1.6, "m", [-5.0, 20.0];
         /// Height of the bucket's tip above ground, where the spading force acts (h_b).
         bucket_height: f64 = 0.0, "m", [-5.0, 20.0];
+        /// How the machine is steered, which says what the measured steering angle does to the axles' paths; none = it is not measured, and bends are only seen.
+        steering: Steering = Steering::None, "1";
+        /// Articulated: distance of the joint behind the front axle; halfway, both axles roll equally far in a steady bend.
+        joint_to_front_axle: f64 = 1.1, "m", [0.0, 20.0];
         /// Lower limit of the load transfer's denominator; a numerical guard (d_min).
         transfer_floor: f64 = 0.1, "1", [1e-3, 1.0];
     }
@@ -117,6 +125,13 @@ impl Tire {
     /// `1 / mu_max`; 0 if the tyre is linear.
     fn per_friction(&self) -> f64 {
         if self.friction < 1000.0 { 1.0 / self.friction } else { 0.0 }
+    }
+
+    /// The slip times its stiffness that a friction demand takes, `x = mu^-1(demand)`; close to the largest friction it
+    /// is bounded.
+    pub fn demanding(&self, demand: f64) -> f64 {
+        let per_friction = self.per_friction();
+        if per_friction > 0.0 { self.friction * (demand * per_friction).clamp(-0.98, 0.98).atanh() } else { demand }
     }
 
     /// Friction demand `mu(x)` of a slip times its stiffness, `x = K sigma`.

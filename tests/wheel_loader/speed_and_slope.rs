@@ -1,0 +1,82 @@
+//! A speed that comes late and a slope that is none.
+
+use super::runs::{begun, drive, lively, run};
+use wheelstate::Status;
+use wheelstate::estimator::wheel_loader::*;
+
+/// Accelerates and brakes between about 1 and 5 m/s.
+fn changing(t: f64, v: f64) -> f64 {
+    380.0 + 1500.0 * (0.9 * t).sin() + 300.0 * (3.0 - v)
+}
+
+fn late(samples: &[Inputs], by: usize) -> Vec<Inputs> {
+    let at = |k: usize| Inputs { speed: samples[k.saturating_sub(by)].speed, ..samples[k].clone() };
+    (0..samples.len()).map(at).collect()
+}
+
+/// A delay adds `tau v'` to the slip: 50 ms make the tyres three times as soft.
+#[test]
+fn a_speed_that_comes_late_contradicts() {
+    for seed in 0..4 {
+        for (by, within) in [(5, 20.0), (3, 30.0), (10, 20.0)] {
+            let outs = run(&mut begun(&Parameters::default()), &late(&drive(40.0, 3.0, 40 + seed, changing), by));
+            let raised = outs.iter().position(|out| out.diagnostics.status.contains(Status::CONTRADICTED));
+            println!("seed {seed}, {by} samples late: {raised:?}");
+            assert!(raised.is_some_and(|raised| 0.01 * raised as f64 <= within), "seed {seed}, {by}: {raised:?}");
+            for out in &outs[raised.unwrap()..] {
+                assert!(out.hold && out.slip_inconsistent && !out.diagnostics.healthy);
+            }
+        }
+    }
+}
+
+/// Forces say what the speed gains; what gravity should take and does not is no slope.
+#[test]
+fn a_slope_in_degrees_or_with_the_other_sign_contradicts() {
+    let hills = |t: f64| 0.03 * (0.4 * t).sin();
+    for seed in 0..4 {
+        for factor in [1.0_f64.to_degrees(), -1.0] {
+            let against = |t: f64, v: f64| lively(t, v) + 0.5 * 0.55 * 4700.0 * 9.80665 * hills(t).sin();
+            let mut samples =
+                drive(40.0, 2.5, 50 + seed, |t, v| against(t, v) - 0.5 * 0.55 * 4700.0 * 9.80665 * hills(t));
+            for (k, inputs) in samples.iter_mut().enumerate() {
+                // The drive is on a flat road with the force that the hill takes added: the same motion.
+                let more = 0.5 * 0.55 * 4700.0 * 9.80665 * hills(0.01 * k as f64).sin();
+                inputs.torque_front += more;
+                inputs.torque_rear += more;
+                inputs.slope = factor * (inputs.slope + hills(0.01 * k as f64));
+            }
+            let outs = run(&mut begun(&Parameters::default()), &samples);
+            let raised = outs.iter().position(|out| out.diagnostics.status.contains(Status::CONTRADICTED));
+            println!("seed {seed}, slope times {factor:.1}: {raised:?}");
+            assert!(raised.is_some_and(|raised| raised < 2000), "seed {seed}: {raised:?}");
+            assert!(!outs[outs.len() - 1].diagnostics.healthy);
+        }
+    }
+}
+
+/// The noise of a level sensor in degrees, on the flat.
+#[test]
+fn a_level_sensor_in_degrees_contradicts_on_the_flat() {
+    for seed in 0..4 {
+        let mut samples = drive(40.0, 2.5, 60 + seed, lively);
+        samples.iter_mut().for_each(|inputs| inputs.slope = inputs.slope.to_degrees());
+        let outs = run(&mut begun(&Parameters::default()), &samples);
+        assert!(outs.iter().any(|out| out.diagnostics.status.contains(Status::CONTRADICTED)), "{seed}");
+    }
+}
+
+#[test]
+fn sound_speeds_and_slopes_do_not_contradict() {
+    for seed in 0..6 {
+        for torque in [changing, lively] {
+            let samples = drive(60.0, 3.0, 70 + seed, torque);
+            let outs = run(&mut begun(&Parameters::default()), &samples);
+            assert!(outs.iter().all(|out| !out.slip_inconsistent && !out.bend), "{seed}");
+            let last = &outs[outs.len() - 1];
+            assert!(
+                last.diagnostics.healthy && (last.slip_stiffness.value - 19.0).abs() < 3.0 * last.slip_stiffness.std
+            );
+        }
+    }
+}
