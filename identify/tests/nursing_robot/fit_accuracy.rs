@@ -174,3 +174,29 @@ fn output_error_from_wheels_alone() {
     println!("stiffness {:?}, damping {:?} %", figures(&stiffness), figures(&damping));
     assert!(median(&stiffness) <= 5.0 && quantile(&stiffness, 0.95) <= 15.0);
 }
+
+/// With a posture that was measured once a robot without tilt sensor knows the body's pitch to 40 mrad.
+#[test]
+fn a_measured_posture_narrows_the_pitch_of_a_robot_without_tilt_sensor() {
+    use super::drive::{estimates, simulated};
+    for seed in 0..6 {
+        let (log, _, request) = patient(seed);
+        let names = ["human.stiffness_pitch", "human.damping_pitch", "human.rest_pitch", "human.rest_pitch_std"];
+        let only = names.map(str::to_owned).to_vec();
+        let report = run_fit(&log, &FitRequest { only, ..request.clone() });
+        assert!(names.iter().all(|name| report.parameters[*name].identified), "{:?}", report.warnings);
+        let settings: Vec<(&str, f64)> = request.settings.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+        let ride = simulated("smooth-start", seed, &settings);
+        let mut p = ride.assumed.clone();
+        for name in names {
+            p.set(name, report.parameters[name].value).unwrap();
+        }
+        let stds: Vec<f64> = estimates(&ride.log, &p)[200..].iter().map(|out| 1e3 * out.body_pitch.std).collect();
+        println!(
+            "patient {seed}: rest within {:.1} mrad, pitch within {:.1} mrad",
+            1e3 * report.parameters["human.rest_pitch_std"].value,
+            median(&stds)
+        );
+        assert!(median(&stds) < 40.0, "patient {seed}: {}", median(&stds));
+    }
+}

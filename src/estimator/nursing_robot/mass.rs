@@ -83,6 +83,8 @@ pub struct MassState {
 
 /// Time of updates at a bound after which the estimate is called implausible, s.
 const BOUND_TIME: f64 = 0.5;
+/// Share of what was known before a stop from which the estimate counts as one of that time.
+const OLD_SHARE: f64 = 0.1;
 /// How far beyond the bound the forces must point, as a share of the machine's mass.
 const BOUND_MARGIN: f64 = 0.05;
 
@@ -296,6 +298,26 @@ impl MassEstimator {
         sway.reaction(self.acceleration(state), phi, phi_dot)
     }
 
+    /// How far the load may have changed in a stop, kg: as far as a person's mass is unknown before one is weighed, less what
+    /// the samples since then have said.
+    pub fn change_std(&self, state: &MassState) -> f64 {
+        if !state.rls.valid || self.change_std.is_some() {
+            return 0.0;
+        }
+        let stopped = state.stopped_for >= self.stop_time;
+        if stopped { self.nominal.1 } else { self.old_share(state) * self.nominal.1 }
+    }
+
+    /// Least squares keep the share `P/P_0` of what they knew when their covariance was `P_0`.
+    fn old_share(&self, state: &MassState) -> f64 {
+        state.rls.covariance / self.rls.covariance.1
+    }
+
+    /// Whether most of what is known of the load is from before a stop in which it may have changed.
+    pub fn is_from_before_a_stop(&self, state: &MassState) -> bool {
+        self.change_std(state) > OLD_SHARE * self.nominal.1
+    }
+
     /// Standard deviation of the estimate; that of the nominal mass before there is one.
     pub fn std(&self, state: &MassState) -> f64 {
         let (low, high) = self.rls.bounds;
@@ -303,7 +325,10 @@ impl MassEstimator {
             return self.nominal.1;
         }
         // An unknown mass between the bounds has no larger standard deviation than half their distance.
-        state.rls.variance(&self.uncertainty).sqrt().min(0.5 * (high - low))
+        let since = state.rls.variance(&self.uncertainty).sqrt();
+        // While the machine stands the estimate is that of the load that came; at the start it may be another.
+        let before = if self.change_std.is_some() { 0.0 } else { self.old_share(state) * self.nominal.1 };
+        since.hypot(before).min(0.5 * (high - low))
     }
 }
 

@@ -20,6 +20,11 @@
 //! a kept lean only with a tilt sensor, since it needs no net force. A torque scale that is 1 % wrong or a rolling
 //! coefficient that is 10 % wrong costs about 2 % of a person's mass; `load_mass_std` contains that.
 //!
+//! `sway_pitch` is the motion about the posture that the body keeps, with the standard deviation of what the wheels show.
+//! `body_pitch_std` adds the posture's, `human.rest_pitch_std`, which `identify fit --only` brings from a log with tilt. A stop
+//! lets another person sit down: until the load has been weighed again, status says `unobservable`, and the standard
+//! deviations of mass and sway contain the change. If it is another one the sway filter begins anew (`restarted`).
+//!
 //! `contradicted` comes from the innovations of the sway filter: a mass, a rolling coefficient, a torque scale or a
 //! unit is wrong, and the body leans only to explain it. Where that filter is off, forces that ask for a mass beyond
 //! its bounds raise `at-bound` and `mass_implausible` instead.
@@ -101,6 +106,8 @@ pub struct State {
     speed: Estimate,
     /// The mass filter.
     pub mass: MassState,
+    /// The load that was known last: after a stop it is another one until this has been weighed, kg.
+    weighed: f64,
     /// The sway filter, unless it is off.
     pub sway: Option<SwayState>,
 }
@@ -115,6 +122,8 @@ pub struct NursingMachine {
     unobserved: SwayEstimate,
 }
 
+/// Share of its mass by which a person who has been weighed after a stop differs from the one before if it is another.
+const OTHER_PERSON: f64 = 0.05;
 /// How fast a speed may change that is not measured, m/s2.
 const UNKNOWN_ACCELERATION: f64 = 5.0;
 
@@ -193,6 +202,7 @@ impl Machine for NursingMachine {
         let state = State {
             speed: Estimate::new(0.0, parameters.initial.speed_std),
             mass: mass.start(),
+            weighed: parameters.human.nominal_mass,
             sway: sway.as_ref().map(SwayEstimator::start),
         };
         let unobserved = SwayEstimate::unobserved(parameters);
@@ -222,6 +232,7 @@ impl Machine for NursingMachine {
     fn sample(&mut self, state: &mut State, inputs: &Inputs, _: Status, elapsed: Elapsed) -> Outcome {
         self.watch_speed(state, inputs.speed, elapsed.seconds());
         let force = self.net_force(state, inputs);
+        let unknown = self.mass.is_from_before_a_stop(&state.mass);
         let measured = MassSample { force, speed: inputs.speed, specific_force: inputs.accel_x };
         match elapsed {
             Elapsed::First | Elapsed::Step(_) => {
@@ -234,10 +245,21 @@ impl Machine for NursingMachine {
             MassStatus::NotMoving | MassStatus::NotExcited | MassStatus::Blocked => Status::HOLD,
             MassStatus::Rejected => Status::SLIP | Status::GATED,
         };
-        status.raise_if(!state.mass.rls.valid, Status::UNOBSERVABLE);
+        let (load, still_unknown) = (state.mass.rls.estimate, self.mass.is_from_before_a_stop(&state.mass));
+        status.raise_if(!state.mass.rls.valid || still_unknown, Status::UNOBSERVABLE);
+        let other_person =
+            unknown && !still_unknown && (load - state.weighed).abs() > OTHER_PERSON * state.weighed.abs();
+        if !still_unknown {
+            state.weighed = load;
+        }
         status.raise_if(state.mass.implausible(), Status::AT_BOUND);
         let channels = [inputs.speed, inputs.tilt, inputs.tilt_rate];
         let sample = SwaySample { force, yaw_rate: inputs.yaw_rate, channels };
+        if let (true, Some(filter), Some(sway)) = (other_person, &self.sway, &mut state.sway) {
+            // The sway that was found explains the force of a mass that is not there.
+            filter.restart(sway, &sample, load);
+            status |= Status::RESTARTED;
+        }
         let (innovation, of_sway) = self.follow_sway(state, &sample, elapsed);
         Outcome {
             status: status | of_sway,
@@ -260,7 +282,9 @@ impl Machine for NursingMachine {
         let sway = match (&self.sway, &state.sway) {
             (Some(filter), Some(sway)) => {
                 out.sway_status = sway.status;
-                filter.estimate(sway, self.net_force(state, inputs), horizon)
+                // A wrong mass makes a force of the acceleration that the filter takes for one of the sway.
+                let unexplained = if mass.rls.valid { self.mass.std(mass) * mass.regressor.abs() } else { 0.0 };
+                filter.estimate_under(sway, self.net_force(state, inputs), horizon, unexplained)
             }
             _ => {
                 out.sway_status = SwayStatus::Off;
@@ -269,6 +293,7 @@ impl Machine for NursingMachine {
             }
         };
         [out.speed_estimate, out.body_pitch, out.body_pitch_rate, out.active_torque] = sway.state;
+        out.sway_pitch = sway.motion;
         (out.sway_force, out.hip_torque) = (sway.force, sway.torque);
         self.report_centre_of_gravity(out);
     }

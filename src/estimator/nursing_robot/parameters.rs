@@ -87,7 +87,7 @@ variables! {
         covariance_low: f64 = 1e-6, "s4/m2", [1e-15, 1e6], tunable;
         /// Number of samples pooled into the first estimate after a start.
         pooled_samples: i32 = 10, "1", [1, 10000], tunable;
-        /// Standing at least this long allows the load to have changed: the next start resets the covariance.
+        /// Standing at least this long allows the load to have changed, by human.nominal_mass_std: the next start resets the covariance.
         stop_time: f64 = 0.5, "s", [0.0, 1e4], tunable;
         /// Time after a missing or rejected sample during which the mass is held.
         block_time: f64 = 0.4, "s", [0.0, 100.0], tunable;

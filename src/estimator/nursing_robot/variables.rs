@@ -43,6 +43,8 @@ crate::variables! {
         mass_status: MassStatus = MassStatus::NotMoving, "1";
         /// Pitch of the upper body, positive leaning forward. Without a tilt sensor a kept lean is not observable and only the motion about human.rest_pitch is estimated.
         body_pitch: Estimate = Estimate::new(0.0, 0.2), "rad";
+        /// Pitch of the upper body about the posture that it keeps, positive leaning forward: what the wheels show. Its standard deviation leaves out human.rest_pitch_std.
+        sway_pitch: Estimate = Estimate::new(0.0, 0.2), "rad";
         /// Pitch rate of the upper body.
         body_pitch_rate: Estimate = Estimate::new(0.0, 0.5), "rad/s";
         /// Longitudinal force of the swaying body on the robot, positive slowing it.
@@ -63,7 +65,7 @@ crate::variables! {
         speed_estimate: Estimate = Estimate::new(0.0, 0.01), "m/s";
         /// What the sway filter did with the last sample.
         sway_status: SwayStatus = SwayStatus::Updated, "1";
-        /// What holds of the last sample. The innovations are those of the sway filter: speed, and tilt and tilt rate where they are used. Healthy needs a mass that is known and plausible.
+        /// What holds of the last sample. Unobservable: no mass has been estimated yet, or none since a stop in which the load may have changed. The innovations are those of the sway filter: speed, and tilt and tilt rate where they are used. Healthy needs a mass that is known and plausible.
         @flat diagnostics: Diagnostics;
     }
 }

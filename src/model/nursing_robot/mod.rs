@@ -108,7 +108,7 @@ variables! {
         damping_pitch: f64 = 25.0, "N.m.s/rad", [0.0, 1e4], essential;
         /// Pitch of the relaxed posture, positive leaning forward (phi_y0).
         rest_pitch: f64 = 0.0, "rad", [-1.0, 1.0];
-        /// How far the posture that a person keeps may differ from rest_pitch (standard deviation). Wheels cannot feel a kept lean, so this enters body_pitch_std when no tilt is measured.
+        /// How far the posture that a person keeps may differ from rest_pitch (standard deviation). Wheels cannot feel a kept lean, so this enters body_pitch_std when no tilt is measured. identify fit finds it from a log with tilt (--only human.rest_pitch,human.rest_pitch_std).
         rest_pitch_std: f64 = 0.05, "rad", [0.0, 1.0];
         /// Stiffness of the hip against rolling sideways. Not used by the filters; identified for models of the lateral sway (k_x).
         stiffness_roll: f64 = 500.0, "N.m/rad", [0.0, 1e5];

@@ -11,6 +11,8 @@ use nalgebra::SVector;
 pub struct SwayEstimate {
     /// Speed, m/s; pitch, rad; pitch rate, rad/s; active torque, N m; 0 for what the model does not have.
     pub state: [Estimate; 4],
+    /// Pitch about the posture that the body keeps, rad: without what nobody knows of that.
+    pub motion: Estimate,
     /// Force of the swaying body, N.
     pub force: Estimate,
     /// Passive hip torque, N m.
@@ -26,11 +28,31 @@ impl SwayEstimator {
     /// The estimate `horizon` seconds after the last sample: its posterior, the mean carried forward
     /// under a drive force, held (the last one if it is NaN).
     pub fn estimate(&self, state: &SwayState, drive_force: f64, horizon: f64) -> SwayEstimate {
-        match &state.belief {
-            SwayBelief::Two(belief) => self.read(state, belief, drive_force, horizon),
-            SwayBelief::Three(belief) => self.read(state, belief, drive_force, horizon),
-            SwayBelief::Four(belief) => self.read(state, belief, drive_force, horizon),
+        self.estimate_under(state, drive_force, horizon, 0.0)
+    }
+
+    /// The same where a force with the standard deviation `unexplained`, N, is taken for one of the sway: what a wrong mass
+    /// makes of the acceleration. Without a tilt sensor the pitch may also have moved by the torque that the model does
+    /// not carry before the filter notices it, `phi = T^2/2 phi''`.
+    pub fn estimate_under(&self, state: &SwayState, force: f64, horizon: f64, unexplained: f64) -> SwayEstimate {
+        let mut estimate = match &state.belief {
+            SwayBelief::Two(belief) => self.read(state, belief, force, horizon),
+            SwayBelief::Three(belief) => self.read(state, belief, force, horizon),
+            SwayBelief::Four(belief) => self.read(state, belief, force, horizon),
+        };
+        estimate.force.std = estimate.force.std.hypot(unexplained);
+        if !self.use_channel[1] {
+            let notice = self.scale.0;
+            let torque = self.torque_noise(state).sqrt();
+            let planar = self.step_of(state, 0.0, 0.0).planar;
+            let unnoticed = 0.5 * notice * notice * planar.hip_torque_response(estimate.state[1].value).1 * torque;
+            // A sway of this force in its own frequency: F = b phi'', J phi'' = -(k - b g) phi.
+            let lean = (unexplained * planar.j * planar.posture_by_rest() / (planar.b * planar.k)).hypot(unnoticed);
+            estimate.motion.std = estimate.motion.std.hypot(lean);
+            estimate.state[1].std = estimate.state[1].std.hypot(lean);
+            estimate.torque.std = estimate.torque.std.hypot(planar.k * lean);
         }
+        estimate
     }
 
     fn read<const N: usize>(&self, state: &SwayState, belief: &Gaussian<N>, force: f64, horizon: f64) -> SwayEstimate {
@@ -55,7 +77,9 @@ impl SwayEstimator {
             estimate.state[i] = Estimate::new(mean[i], belief.std(i));
         }
         let planar = &step.planar;
-        estimate.state[1].std = estimate.state[1].std.hypot(planar.posture_by_rest() * self.rest_std);
+        let posture = planar.posture_by_rest();
+        estimate.motion = Estimate::new(mean[1] - posture * planar.rest, estimate.state[1].std);
+        estimate.state[1].std = estimate.state[1].std.hypot(posture * self.rest_std);
         let unmodelled = self.torque_noise(state);
         let force = step.sway_force(&mean);
         let gradient = gradient(&mean, force, |x| step.sway_force(x));

@@ -5,7 +5,8 @@
 //! | parameter | needs | how |
 //! |---|---|---|
 //! | `human.*_pitch` | `tilt` | weak-form pitch rows; with `--refine` output error of speed and tilt |
-//! | | only wheels | rows from the wheels only to start, then output error of the speed; `rest_pitch` stays unknown (a kept lean makes no force) |
+//! | `human.rest_pitch_std` (`--only`) | `tilt` | standard error of `human.rest_pitch`, and that nobody sits down twice alike |
+//! | `human.*_pitch` | only wheels | rows from the wheels only to start, then output error of the speed; `rest_pitch` stays unknown (a kept lean makes no force) |
 //! | `human.*_roll` | `roll` | weak-form roll rows; wheels do not feel roll |
 //! | `rolling.coefficient`, `robot.drive_efficiency` | the person's weight as `human.nominal_mass` | weak-form force balance |
 //! | `robot.mass` or `human.nominal_mass`, with `rolling.coefficient` (`--only`) | the other mass, `robot.drive_efficiency` | the same rows with the mass unknown |
@@ -46,6 +47,7 @@ use wheelstate::estimator::nursing_robot::Parameters;
 pub const PROBLEM: Problem = Problem { targets, estimate, validate: validate::validate };
 
 const PITCH: [&str; 3] = ["human.stiffness_pitch", "human.damping_pitch", "human.rest_pitch"];
+const REST_STD: &str = "human.rest_pitch_std";
 const ROLL: [&str; 3] = ["human.stiffness_roll", "human.damping_roll", "human.rest_roll"];
 const ROLLING: &str = "rolling.coefficient";
 const EFFICIENCY: &str = "robot.drive_efficiency";
@@ -55,6 +57,9 @@ const HUMAN_MASS: &str = "human.nominal_mass";
 /// Standard deviation of an accelerometer's constant bias, m/s2: what calibrated sensors keep.
 const ACCELEROMETER_BIAS: f64 = 0.01;
 
+/// How differently a person sits from one ride to the next, standard deviation in rad: an assumption.
+const SEATING: f64 = 0.015;
+
 /// Standard deviation of a rolling coefficient that is taken as known, relative: floors and tyres of one
 /// kind differ by 10 to 30 %.
 const ROLLING_ERROR: f64 = 0.2;
@@ -62,7 +67,7 @@ const ROLLING_ERROR: f64 = 0.2;
 fn targets(_: &[Log]) -> Vec<Target> {
     let declared = Parameters::declare();
     let usual = PITCH.iter().chain(&ROLL).chain(&[ROLLING, EFFICIENCY]).map(|name| (*name, true));
-    let others = [ROBOT_MASS, HUMAN_MASS].map(|name| (name, false));
+    let others = [ROBOT_MASS, HUMAN_MASS, REST_STD].map(|name| (name, false));
     usual.chain(others).map(|(name, usual)| Target::declared(&declared, name, usual)).collect()
 }
 
@@ -188,6 +193,15 @@ fn passive_joint(session: &mut Session, fit: Fitted, names: [&str; 3]) {
     session.estimate_judged(names[2], fit, angle(), |x| x[2] / x[0]);
 }
 
+/// How far the posture may be from the one that was found: by the standard error of that, and because nobody sits down
+/// twice alike.
+fn posture(session: &mut Session, fit: Fitted) {
+    match session.std_error(PITCH[2]) {
+        Some(std) => session.estimate(REST_STD, fit, move |_| std.hypot(SEATING)),
+        None => session.give_up(REST_STD, "it goes with human.rest_pitch, which is not identified"),
+    }
+}
+
 /// An angle may well be zero: it is judged by its absolute error.
 fn angle() -> Judgement {
     Judgement { limits: Limits { absolute_error: Some(0.02), ..Limits::default() }, ..Judgement::default() }
@@ -211,6 +225,7 @@ fn pitch(
     let fit = session.solve(&regression("pitch", spring(), all), &PITCH)?;
     let Some(fit) = fit else { return Ok(None) };
     passive_joint(session, fit, PITCH);
+    posture(session, fit);
     let theta = &session.solution(fit).theta;
     let rolling = session.value(ROLLING).unwrap_or(0.015);
     Ok(Some(Passive { stiffness: theta[0], damping: theta[1], rest: theta[2] / theta[0].max(1.0), rolling }))
@@ -308,6 +323,7 @@ fn output_error(
     session.estimate(PITCH[1], fit, |x| x[1]);
     if tilt {
         session.estimate_judged(PITCH[2], fit, angle(), |x| x[3]);
+        posture(session, fit);
     } else {
         session.give_up(PITCH[2], "the logs have no tilt channel, and wheels do not feel a kept lean");
     }
