@@ -242,6 +242,31 @@ for_all! {
 }
 
 for_all! {
+    /// As if it had been built with the new parameters and had lived through the same samples with the old ones.
+    fn retuning_takes_over_the_parameters_and_keeps_the_state<E>() {
+        let (mut one, declared) = (warm::<E>(60), E::Inputs::declare());
+        let state = bytes(&one);
+        let mut parameters = E::Parameters::default();
+        for parameter in E::Parameters::declare().iter().filter(|parameter| parameter.tunable) {
+            if parameter.kind == Kind::Real && parameter.start > 0.0 {
+                let _ = parameters.set(&parameter.name, (1.2 * parameter.start).min(parameter.range.1));
+            }
+        }
+        let Ok(mut other) = E::new(&parameters) else { return };
+        other.restore(one.state()).unwrap();
+        one.retune(&parameters).unwrap();
+        assert_eq!(bytes(&one), state, "{}", E::NAME);
+        let dt = one.sample_period();
+        for k in 60..120 {
+            let inputs = wave(&declared, k);
+            assert_eq!(one.step(&inputs, dt), other.step(&inputs, dt), "{}", E::NAME);
+            assert_eq!(outputs(&one, &inputs, 0.0), outputs(&other, &inputs, 0.0), "{}", E::NAME);
+        }
+        assert_eq!(bytes(&one), bytes(&other), "{}", E::NAME);
+    }
+}
+
+for_all! {
     /// Whatever an estimator keeps of the inputs of its last sample, one that was restored keeps nothing.
     fn outputs_follow_from_the_state_and_the_inputs_alone<E>() {
         let (one, declared) = (warm::<E>(60), E::Inputs::declare());
