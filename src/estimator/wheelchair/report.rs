@@ -52,6 +52,8 @@ impl ChairMachine {
             vibration: 0.0,
             still: state.standstill.is_still() && self.parameters.filter.detect_standstill,
         };
+        // outputs are reused: what only one form estimates must not stay from a state before
+        (outputs.moment_offset, outputs.heading_from_gravity) = (Estimate::NONE, false);
         match &state.belief {
             ChairBelief::Basic(belief) => {
                 let mean = self.basic.carry_forward(&belief.mean, horizon, &drive);
