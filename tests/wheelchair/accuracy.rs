@@ -207,7 +207,7 @@ fn a_wrong_heading_is_seen_and_put_right() {
                     if off > 3.0 * out.slope.std {
                         absurd = (absurd.0 + 1, absurd.1 + usize::from(out.diagnostics.healthy));
                     }
-                    if wrong == 1 && (4.0..5.9).contains(&row.time) {
+                    if wrong == 1 && (4.5..5.9).contains(&row.time) {
                         late.push(off);
                     }
                 }
@@ -217,7 +217,7 @@ fn a_wrong_heading_is_seen_and_put_right() {
         let (middle, most) = (median(&late), quantile(&late, 0.95));
         println!(
             "{course:?}: heading given up in {left:?} of {SEEDS}; {} of {samples} samples beyond 3 deviations, {} of them \
-             healthy; slope of the wrong headings from 4 s on {middle:.4} / {most:.4}",
+             healthy; slope of the wrong headings from 4.5 s on {middle:.4} / {most:.4}",
             absurd.0, absurd.1
         );
         assert_eq!(left, [0, SEEDS as usize], "{course:?}");
@@ -345,8 +345,9 @@ fn a_stepped_slope_is_the_known_limit() {
         })
         .collect();
     table("stepped slope, oblique", &runs);
-    // Across the slope the accelerometer sees gravity, so that it is found there after a while.
-    assert!(runs.iter().all(|run| run.found.is_some_and(|t| t > 0.5 && t < 2.0)));
+    // Across the slope the accelerometer sees gravity: a tilt of which the gyro knows nothing, so that the heading is in
+    // doubt first.
+    assert!(runs.iter().all(|run| run.found.is_some_and(|t| t > 0.5 && t < 3.0)));
 }
 
 /// A chair held by its brakes on a slope: without the standstill mode the force model denies the slope.

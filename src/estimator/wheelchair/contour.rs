@@ -9,7 +9,7 @@ use crate::model::wheelchair::{self as model, biased_gravity, gravity};
 use nalgebra::{SMatrix, SVector};
 
 /// What contradicts the contour line for this long is no kerb or edge, s.
-const PATIENCE: f64 = 0.5;
+const PATIENCE: f64 = 1.5;
 /// A bias further from its start than so many of its standard deviations is a tilt of the ground.
 const IMPROBABLE: f64 = 2.5;
 /// A bias is known if less than this share of its standard deviation is left.

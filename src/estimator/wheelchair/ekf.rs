@@ -4,6 +4,7 @@
 //! reference runs check; [`Wheelchair`](super::Wheelchair) puts inputs, standstill and outputs around it.
 
 use super::outliers::{ACCEL_X, downweight};
+use super::vibration::{LARGEST, LARGEST_DRIVEN};
 use super::watch::{LEFT, Watch};
 use crate::filter::discretise::{runge_kutta, runge_kutta_from, substeps, transition};
 use crate::filter::ekf::{self, NotPositiveDefinite, Rows};
@@ -236,7 +237,8 @@ impl<F> ChairEkf<F> {
         F: Form<N, K, P>,
     {
         let mut rows = self.rows(belief, sample, drive);
-        watch.vibration.add(&mut rows, self.noise.accel * self.noise.accel, dt);
+        let largest = if self.form.takes_acceleration() { LARGEST_DRIVEN } else { LARGEST };
+        watch.vibration.add(&mut rows, self.noise.accel * self.noise.accel, dt, largest);
         let mut contradicted = false;
         if let Some(alpha) = F::heading_to_contour(&belief.mean) {
             contradicted = watch.hold_against_contour(alpha, self.chair.gravity, belief, &rows, dt)

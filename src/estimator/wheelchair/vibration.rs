@@ -12,8 +12,10 @@ use serde::{Deserialize, Serialize};
 
 /// Time over which the differences are averaged, s.
 const TIME: f64 = 0.5;
-/// A difference squared counts at most as so many times the present mean: an impact is no vibration.
-const LARGEST: f64 = 25.0;
+/// A difference squared counts at most as so many times the present mean: an impact is no vibration. Where the forward
+/// accelerometer drives the motion an impact does harm for no longer than it lasts, and vibration at once.
+pub(super) const LARGEST: f64 = 12.0;
+pub(super) const LARGEST_DRIVEN: f64 = 25.0;
 /// Below the first ratio of `D_1` to the accelerometer's noise there is no vibration, from the second on all of it counts.
 const FELT: (f64, f64) = (1.5, 2.5);
 /// The largest share that vibration keeps after a sample.
@@ -33,9 +35,10 @@ struct Axis {
 }
 
 impl Axis {
-    /// Takes an innovation; `noise` is the accelerometer's variance, `share` of it enters the means.
-    fn learn(&mut self, innovation: f64, noise: f64, share: f64) {
-        let most = LARGEST * (self.apart[0] + noise);
+    /// Takes an innovation; `noise` is the accelerometer's variance, `share` of it enters the means,
+    /// and a difference squared of at most `largest` times the mean.
+    fn learn(&mut self, innovation: f64, noise: f64, share: f64, largest: f64) {
+        let most = largest * (self.apart[0] + noise);
         for k in 0..usize::from(self.samples) {
             let difference = innovation - self.last[k];
             self.apart[k] += share * ((0.5 * difference * difference).min(most) - self.apart[k]);
@@ -69,7 +72,7 @@ pub struct Vibration {
 impl Vibration {
     /// Learns from the innovations of a sample that came `dt` seconds after the last one and adds the vibration to the
     /// noise of the accelerometer's rows; `own` is the variance of the accelerometer alone.
-    pub(super) fn add<const N: usize>(&mut self, rows: &mut Rows<N, 6>, own: f64, dt: f64) {
+    pub(super) fn add<const N: usize>(&mut self, rows: &mut Rows<N, 6>, own: f64, dt: f64, largest: f64) {
         let share = 1.0 - (-dt / TIME).exp();
         for (k, axis) in self.axes.iter_mut().enumerate() {
             let row = ACCEL_X + k;
@@ -79,7 +82,7 @@ impl Vibration {
                 axis.samples = 0;
                 continue;
             }
-            axis.learn(innovation, own, share);
+            axis.learn(innovation, own, share, largest);
             rows.noise[(row, row)] += axis.variance(own);
         }
         self.forward = self.axes[0].variance(own);

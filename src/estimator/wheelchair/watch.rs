@@ -38,6 +38,8 @@ const LEAST_TILT: f64 = 0.012;
 const LEAST_PULL: f64 = 0.004;
 /// What the ground may tilt along the contour line while a sensor contradicts that line, rad.
 const SEEN_TILT: f64 = 0.1;
+/// The gyro sees a tilt only while it grows, and a bias that nobody expects stays: they count so many times.
+const CONCLUSIVE: f64 = 3.0;
 /// With less of it across the heading the leftward accelerometer says nothing of the contour line.
 const LEAST_SHARE: f64 = 0.2;
 
@@ -104,9 +106,14 @@ impl Watch {
 
     /// Whether the contour line has been in doubt for at least `time`; `improbable` is doubt from elsewhere.
     pub fn doubts(&mut self, improbable: bool, time: f64, dt: f64) -> bool {
-        let seen = self.contour_is_contradicted() || self.gyro.is_significant() || self.heading.is_significant();
-        let doubtful = improbable || seen;
-        self.doubt = if doubtful { (self.doubt + dt).min(2.0 * time) } else { (self.doubt - dt).max(0.0) };
+        let mut weight = -1.0;
+        if self.contour_is_contradicted() || self.heading.is_significant() {
+            weight = 1.0;
+        }
+        if improbable || self.gyro.is_significant() {
+            weight = CONCLUSIVE;
+        }
+        self.doubt = (self.doubt + weight * dt).clamp(0.0, 2.0 * time);
         self.doubt > time
     }
 
