@@ -52,7 +52,7 @@
 //!    lacks (roll, road); then `filter.process_psd.*` until `nis` is near 1. `nis_accel_x` to `nis_speed` show which
 //!    channel is wrong (`identify tune wheeled-robot`).
 //!
-//! # Measured
+//! ## Measured
 //! Lateral speed on recordings of real cars, all noise settings and errors at their defaults, tyres as a new user would
 //! guess them (`identify/tests/wheeled_robot/recordings.rs`):
 //!
