@@ -49,6 +49,22 @@
 //! 4. Road vehicles: `human.swaying_fraction = 0`, `mass.use_accelerometer = true`, `aero.drag_area`, and the limits
 //!    `limit.torque`, `limit.speed` and `limit.load_mass` of the vehicle.
 //!
+//! ## Measured
+//! Simulated patients with a plant of other coordinates, from wheels alone, after the first second: median error of the
+//! sway, share of it within 2 standard deviations; share of samples that are healthy while the load is off by more than 3.
+//!
+//! | drive | sway, error and std | within 2 std | healthy | healthy and beyond 3 std |
+//! |---|---|---|---|---|
+//! | smooth start | 1.0, 5.8 mrad | 1.00 | 0.96 | 0.000 |
+//! | abrupt start | 1.2, 5.8 mrad | 1.00 | 1.00 | 0.000 |
+//! | restless start | 1.7, 6.4 mrad | 0.91 | 1.00 | 0.000 |
+//! | coughs | 1.4, 6.6 mrad | 0.93 | 0.97 | 0.000 |
+//! | all parameters a little wrong | 2.9, 8.0 mrad | 0.93 | 1.00 | 0.000 |
+//! | another patient at a stop | 1.4, 6.1 mrad | 0.91 | 1.00 | 0.023 |
+//! | 20 kg taken off while driving | 1.2, 6.4 mrad | 0.91 | 0.95 | 0.034 |
+//!
+//! In the last two the load is wrong for the time until the robot moves, or the forces tell.
+//!
 //! # Sources and errata
 //! Yang, Shi, Qi and Deng, *Research on Recognition and Estimation Algorithm for Real time Changes in the Center of
 //! Gravity of Human Sitting Quality*: kinematics and Lagrange's equations (1)-(30), mass filter (31)-(37), sway filter

@@ -49,6 +49,25 @@
 //!    `filter.adaptation.memory`; where they are slow after the bucket was filled raise `filter.process_psd.cg_ratio`.
 //! 4. `nis` above 1 on smooth ground means a wrong mass, rolling coefficient or radius (`identify fit wheel-loader`).
 //!
+//! ## Measured
+//! The share of the front axle with default noise settings, after the first second; machines of other equations than the
+//! filter's. Error: median / 95 % of all samples.
+//!
+//! | drive | error | within 2 std | healthy | healthy and beyond 3 std |
+//! |---|---|---|---|---|
+//! | average road, 10 s | 2.8 / 14.0 % | 1.00 | 0.46 | 0.000 |
+//! | poor road, 10 s | 4.4 / 13.7 % | 1.00 | 0.33 | 0.000 |
+//! | constant torque, 20 s | 9.2 / 22.2 % | 1.00 | 0.00 | 0.000 |
+//! | accelerating and braking, 30 s | 1.4 / 4.8 % | 1.00 | 0.97 | 0.000 |
+//! | rigid car driven in front, straight, 40 s | 4.6 / 11.5 % | 1.00 | 0.00 | 0.000 |
+//! | the same with a bend of 4 to 25 degrees | 4.8 / 13.5 % | 1.00 | 0.00 | 0.000 |
+//! | speed 10 ms late, 60 s | 4.7 / 7.1 % | 1.00 | 1.00 | 0.000 |
+//! | speed 50 ms late, 60 s | given up after 8 s | 0.88 | 0.12 | 0.112 |
+//! | slope in degrees, 60 s | given up after 1 to 5 s | 0.87 | 0.06 | 0.002 |
+//!
+//! What is late for 8 s is not known to be so: until then a speed that is 50 ms late is wrong and healthy. A car
+//! that is driven in front only says little of its share, and is not healthy with radii that may be 0.3 % off.
+//!
 //! # Sources and errata
 //! Yang, Wang and Han, *A Novel Real-Time Center of Gravity Estimation Method for Wheel Loaders with
 //! Front/Rear-Axle-Independent Electric Driving* (2021): load transfer (6)-(14), equations of motion (15)-(19), filter
