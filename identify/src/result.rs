@@ -54,9 +54,15 @@ pub struct FitReport {
     /// True values of the parameters, where the logs carry them as constant channels `true_<name>`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub references: BTreeMap<String, f64>,
+    /// Why there is no result: then only the logs and the warnings say something, and nothing may be used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refused: Option<String>,
     /// Measured and predicted signals of the held-out part, for the HTML report only.
     #[serde(skip)]
     pub traces: Vec<Trace>,
+    /// Measured and predicted signals of the fitted logs with the result, for `--residuals` only.
+    #[serde(skip)]
+    pub fitted: Vec<Trace>,
 }
 
 /// One fitted parameter.
@@ -80,9 +86,40 @@ pub struct Parameter {
     /// The same judgement with more shades.
     #[serde(default)]
     pub verdict: Verdict,
+    /// Standard deviation by noise and by the bias that noise in the regressors causes, without what is considered:
+    /// sensors, known values, noise that may not be white.
+    #[serde(default, with = "maybe")]
+    pub sampling_std: f64,
+    /// What the uncertainty is made of, the largest causes first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contributions: Vec<Contribution>,
+    /// The value of each log by its file, where each has its own.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub per_log: BTreeMap<String, OfLog>,
     /// The value that the fit started from or that holds without this fit, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start: Option<f64>,
+}
+
+/// A cause of uncertainty and its part of the standard error; independent parts add their squares.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Contribution {
+    /// What it is, in words.
+    pub cause: String,
+    /// Its standard deviation, in the parameter's unit.
+    #[serde(with = "maybe")]
+    pub std: f64,
+}
+
+/// The value of a parameter in one of several logs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OfLog {
+    /// The value.
+    #[serde(with = "maybe")]
+    pub value: f64,
+    /// Its standard error.
+    #[serde(with = "maybe")]
+    pub std_error: f64,
 }
 
 /// How far the data determine a parameter.
@@ -98,6 +135,10 @@ pub enum Verdict {
     NotIdentifiable,
     /// Pushed against a physical bound: model and data disagree.
     AtBound,
+    /// Only special manoeuvres show it, these logs do not, and nobody asked for it: it keeps its known value.
+    PriorOnly,
+    /// Each log has its own value.
+    PerLog,
 }
 
 impl Verdict {
@@ -108,6 +149,8 @@ impl Verdict {
             Self::Weak => "weak",
             Self::NotIdentifiable => "not identifiable",
             Self::AtBound => "at bound",
+            Self::PriorOnly => "prior only",
+            Self::PerLog => "per log",
         }
     }
 }
@@ -156,11 +199,17 @@ pub struct SignalFit {
     pub name: String,
     /// Unit of the errors.
     pub unit: String,
+    /// The log that it is of.
+    #[serde(default)]
+    pub log: String,
     /// Samples or windows compared.
     pub samples: usize,
     /// Root mean square of the prediction error.
     #[serde(with = "maybe")]
     pub rmse: f64,
+    /// The same figure on the part that was fitted.
+    #[serde(default, with = "maybe")]
+    pub rmse_training: f64,
     /// 100 % means a perfect prediction, 0 % one that is no better than the mean:
     /// `100 (1 - ||measured - predicted|| / ||measured - mean||)`.
     #[serde(with = "maybe")]
@@ -210,8 +259,10 @@ pub struct Trace {
 impl FitReport {
     /// Whether the user must be told something: the condition of exit code 1.
     pub fn has_warnings(&self) -> bool {
+        let of_no_use =
+            |p: &Parameter| p.at_bound || !(p.identified || matches!(p.verdict, Verdict::PriorOnly | Verdict::PerLog));
         let found = self.findings.iter().any(|finding| finding.severity >= Severity::Warning);
-        found || !self.warnings.is_empty() || self.parameters.values().any(|p| !p.identified || p.at_bound)
+        found || !self.warnings.is_empty() || self.parameters.values().any(of_no_use)
     }
 
     /// Parameters that may be used as start values of an estimator.

@@ -3,7 +3,7 @@
 use crate::check::{self, Checks, Finding};
 use crate::finding::Severity;
 use crate::log::Log;
-use crate::problem::{self, FitError, FitRequest, Known, Problem};
+use crate::problem::{self, Declared, FitError, FitRequest, Known, Problem};
 use crate::progress::Progress;
 use crate::result::{FitReport, Parameter};
 use crate::simulate::{Companion, Request, SimulateError, Simulation};
@@ -120,7 +120,8 @@ impl Vehicle {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn fit(&self, logs: &[Log], request: &FitRequest, progress: &Progress) -> Result<FitReport, FitError> {
-        problem::fit(&self.problem, self.name, self.parameters(), logs, request, progress)
+        let declared = Declared { parameters: self.parameters(), inputs: self.inputs() };
+        problem::fit(&self.problem, self.name, &declared, logs, request, progress)
     }
 
     /// Tunes the noise settings of its estimator on logs, see [`tune::tune`]; `held_out` logs only judge the result.

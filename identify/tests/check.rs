@@ -351,7 +351,9 @@ fn check_and_fit_refuse_accelerations_in_g_and_times_in_milliseconds() {
         let (exit, _, error) = identify(folder, &format!("fit {vehicle} log.csv --columns {map} --out fit.json"));
         assert_eq!(exit, Some(2));
         assert!(error.lines().count() == 1 && error.contains(code) && error.contains("--allow"), "{error}");
-        assert!(!folder.join("fit.json").exists());
+        let fit = std::fs::read(folder.join("fit.json")).unwrap();
+        let fit: serde_json::Value = serde_json::from_slice(&fit).unwrap();
+        assert!(fit["refused"].as_str().unwrap().contains(code) && fit["parameters"].as_object().unwrap().is_empty());
         let (exit, ..) = identify(folder, &format!("check {vehicle} log.csv --columns {map} --allow {code}"));
         assert_eq!(exit, Some(0));
     }

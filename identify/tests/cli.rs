@@ -106,7 +106,7 @@ fn logs_of_other_machines_are_refused() {
         for (other, _) in machines.into_iter().filter(|(other, _)| *other != machine) {
             for command in ["fit", "tune"] {
                 let words = format!("identify: {other}.csv: no channel ");
-                assert_refused(path, &format!("{command} {machine} {other}.csv --out x.json"), &words);
+                assert_refused(path, &format!("{command} {machine} {other}.csv"), &words);
             }
         }
     }
@@ -115,7 +115,14 @@ fn logs_of_other_machines_are_refused() {
     let words = "wheelchair.csv: no channel with samples among torque_left, torque_right; nursing-robot needs one";
     assert_refused(path, "tune nursing-robot nursing-robot.csv --held-out wheelchair.csv --out x.json", words);
     let words = "wheel-loader.csv: no channel 'torque_left'; did you mean 'torque_rear'?";
-    assert_refused(path, "fit nursing-robot wheel-loader.csv --out x.json", words);
+    assert_refused(path, "fit nursing-robot wheel-loader.csv", words);
+    // a refused fit says in its file what was read and what is wrong, and no program may use that
+    let output = identify(path, "fit nursing-robot wheel-loader.csv --out x.json");
+    assert_eq!(output.status.code(), Some(2));
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(path.join("x.json")).unwrap()).unwrap();
+    assert!(json["refused"].as_str().unwrap().contains("torque_left") && json["logs"][0]["samples"].as_u64() > Some(0));
+    assert!(json["parameters"].as_object().unwrap().is_empty());
+    std::fs::remove_file(path.join("x.json")).unwrap();
     // columns without samples are no columns, and what does not suffice is told what else there could be
     std::fs::write(path.join("empty.csv"), "time,gyro_z,accel_x\n0,,1\n0.01,nan,1\n0.02,,1\n").unwrap();
     assert_refused(path, "tune wheeled-robot empty.csv --out x.json", "empty.csv: no channel with samples among");
@@ -282,9 +289,19 @@ fn a_fit_writes_all_its_files_and_starts_from_an_earlier_one() {
         let identified = parameter["identified"] == true;
         assert_eq!(read("fit.ssv").contains(&format!("name=\"{name}\"")), identified, "{name}");
     }
-    let told = identify(folder.path(), "fit nursing-robot log.csv --set human.stiffness_pitch=300");
-    let note = "human.stiffness_pitch was fitted although it was given";
-    assert!(told.status.code() == Some(0) && text(&told.stdout).replace("\n      ", " ").contains(note));
+    let stiffness = json["parameters"]["human.stiffness_pitch"]["value"].as_f64().unwrap();
+    let told = identify(
+        folder.path(),
+        &format!("fit nursing-robot log.csv --set human.stiffness_pitch={stiffness} --out told.json"),
+    );
+    assert_eq!(told.status.code(), Some(0), "{}", text(&told.stdout));
+    let held: serde_json::Value = serde_json::from_str(&read("told.json")).unwrap();
+    assert!(
+        held["parameters"]["human.stiffness_pitch"].is_null() && held["settings"]["human.stiffness_pitch"] == stiffness
+    );
+    let told = identify(folder.path(), "fit nursing-robot log.csv --set human.stiffness_pitch=1000");
+    assert_eq!(told.status.code(), Some(1));
+    assert!(text(&told.stdout).contains("human.stiffness_pitch = 1000 was given, but the logs contradict it"));
     let again = "fit nursing-robot log.csv --params fit.json --only rolling.coefficient,robot.drive_efficiency --out again.json";
     assert!(matches!(identify(folder.path(), again).status.code(), Some(0 | 1)));
     let json: serde_json::Value = serde_json::from_str(&read("again.json")).unwrap();

@@ -8,6 +8,7 @@ mod support;
 mod check;
 mod cli;
 mod convert;
+mod coverage;
 mod report;
 mod sixth_machine;
 mod solve;

@@ -17,7 +17,7 @@ fn parameter(value: f64, std_error: f64, unit: &str, verdict: Verdict) -> Parame
         identified: verdict == Verdict::Identified,
         at_bound: verdict == Verdict::AtBound,
         verdict,
-        start: None,
+        ..Parameter::default()
     }
 }
 
@@ -64,6 +64,7 @@ fn sample() -> FitReport {
                 fit_percent: 85.9,
                 fit_percent_training: 86.2,
                 residual_correlation: 0.01,
+                ..SignalFit::default()
             }],
         },
         logs: vec![LogEntry { file: "run <1> & 2.csv".to_owned(), sha256: "0f".repeat(32), samples: 4000 }],

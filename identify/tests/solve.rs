@@ -170,3 +170,69 @@ fn answers_agree_with_cvxpy() {
         }
     }
 }
+
+/// Random regressions whose optimum lies on more half spaces than there are unknowns, copies and nearly parallel ones
+/// among them: the answer is allowed, and no allowed point nearby explains the rows better.
+#[test]
+fn corners_of_any_number_of_bounds_are_answers_and_no_panic() {
+    for seed in 0..300 {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let n = 1 + (seed % 5) as usize;
+        let theta: Vec<f64> = (0..n).map(|_| normal(&mut rng)).collect();
+        let mut problem = regression(seed, 60, &theta, 0.02);
+        // All half spaces go through one corner away from the truth, and point away from the truth.
+        let corner: Vec<f64> =
+            theta.iter().map(|value| value + normal(&mut rng).signum() * (0.3 + rng.random::<f64>())).collect();
+        for (j, unknown) in problem.unknowns.iter_mut().enumerate() {
+            if corner[j] > theta[j] { unknown.lower = corner[j] } else { unknown.upper = corner[j] }
+        }
+        let outward = |j: usize| (corner[j] - theta[j]).signum();
+        for k in 0..2 * n + 2 {
+            let mix: Vec<(usize, f64)> = (0..n)
+                .map(|j| (j, outward(j) * if k % 3 == 0 { 1.0 + 1e-7 * k as f64 } else { rng.random::<f64>() }))
+                .collect();
+            let at_corner: f64 = mix.iter().map(|&(j, factor)| factor * corner[j]).sum();
+            problem.constraints.push(Constraint::NonNegative(Affine::new(&mix, -at_corner)));
+        }
+        for loss in [Loss::Ls, Loss::Huber, Loss::L1] {
+            let solution = solve(&problem, &Options { loss, ..Options::default() }).unwrap();
+            for (j, value) in solution.theta.iter().enumerate() {
+                assert!(outward(j) * (value - corner[j]) > -1e-6, "{seed} {loss:?}: {:?}", solution.theta);
+                assert!((value - corner[j]).abs() < 1e-3 * (1.0 + corner[j].abs()) || n > 1, "{seed} {loss:?}");
+            }
+            assert!(solution.at_bound.iter().any(|at_bound| *at_bound) || loss == Loss::L1, "{seed} {loss:?}");
+            let cost = |theta: &[f64]| -> f64 {
+                let group = &problem.groups[0];
+                let rho = |r: f64| match loss {
+                    Loss::Ls => 0.5 * r * r,
+                    Loss::L1 => r.abs(),
+                    Loss::Huber if r.abs() <= 1.345 => 0.5 * r * r,
+                    Loss::Huber => 1.345 * (r.abs() - 0.5 * 1.345),
+                };
+                group.residuals(theta).iter().map(|r| rho(r / solution.scales[0])).sum()
+            };
+            let best = cost(&solution.theta);
+            for _ in 0..20 {
+                let near: Vec<f64> =
+                    corner.iter().enumerate().map(|(j, c)| c + outward(j) * 0.3 * rng.random::<f64>()).collect();
+                assert!(best <= cost(&near) * (1.0 + 1e-6) + 1e-9, "{seed} {loss:?}: {:?} {near:?}", solution.theta);
+            }
+        }
+    }
+}
+
+/// Where signs cannot explain the data, the error says what the rows alone would make of them, and no solver's word.
+#[test]
+fn a_contradiction_is_told_in_the_users_words() {
+    let mut problem = regression(2, 100, &[1.0, 2.0], 0.0);
+    problem.constraints = vec![
+        Constraint::NonNegative(Affine::new(&[(0, 1.0)], -5.0)),
+        Constraint::NonNegative(Affine::new(&[(0, -1.0)], 4.0)),
+    ];
+    let words = solve(&problem, &Options::default()).unwrap_err().to_string();
+    assert!(
+        words.contains("contradict") && words.contains("theta0") && words.contains("100 rows of rows in N"),
+        "{words}"
+    );
+    assert!(!words.contains("Infeasible") && !words.contains("Progress"), "{words}");
+}

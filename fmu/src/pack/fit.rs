@@ -45,6 +45,9 @@ impl Fit {
             Some(version) => return Err(refuse(format!("format_version {version} is not known to this program"))),
             None => return Err(refuse("no format_version: this is not a fit.json".to_owned())),
         }
+        if let Some(why) = json.get("refused").and_then(Value::as_str) {
+            return Err(refuse(format!("the fit was refused: {why}")));
+        }
         let Some(vehicle) = json.get("vehicle").and_then(Value::as_str) else {
             return Err(refuse("it names no vehicle".to_owned()));
         };

@@ -36,6 +36,8 @@ pub fn signal_fit(prediction: &Prediction) -> SignalFit {
     SignalFit {
         name: trace.name.clone(),
         unit: trace.unit.clone(),
+        log: trace.log.clone(),
+        rmse_training: f64::NAN,
         samples: pairs.len(),
         rmse: (error / n).sqrt(),
         fit_percent: 100.0 * (1.0 - (error / spread).sqrt()),

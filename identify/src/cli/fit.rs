@@ -1,14 +1,16 @@
 //! `identify fit`.
 
 use super::check;
-use super::settings::{self, Setting};
+use super::settings::{self, Pair, Setting};
 use super::words::vehicle_parser;
-use super::{LogArgs, Outcome, Refusal, keep_inputs, print, read_logs};
+use super::{LogArgs, Outcome, Refusal, keep_inputs, print, read_each, tell};
+use crate::finding::{Finding, Severity};
+use crate::log::Log;
 use crate::output::Outputs;
-use crate::problem::FitRequest;
+use crate::problem::{FitError, FitRequest};
 use crate::progress::Progress;
 use crate::report;
-use crate::result::FitReport;
+use crate::result::{FitReport, LogEntry};
 use crate::solve::Loss;
 use crate::vehicle::Vehicle;
 use clap::Args;
@@ -20,7 +22,8 @@ Examples:
   identify fit nursing-robot log.csv --out fit.json
   identify fit nursing-robot log.csv --set human.nominal_mass=72 --refine --report fit.html
   identify fit nursing-robot trip*.csv --columns map.toml --only robot.mass,rolling.coefficient
-  identify fit wheelchair run1.csv run2.parquet --loss l1 --ssv fit.ssv
+  identify fit nursing-robot a.csv b.csv --set a.csv:human.nominal_mass=50 --set b.csv:human.nominal_mass=95
+  identify fit wheelchair run1.csv run2.parquet --sensor drive_force.gain_std=0.005 --held-out run3.csv
 
 A log without excitation ends with exit code 1 and the parameters marked; pack does not use those.")]
 pub(super) struct FitArgs {
@@ -32,12 +35,43 @@ pub(super) struct FitArgs {
     /// Start values: a fit.json or {"name": value, ...}.
     #[arg(long, value_name = "START.json")]
     params: Option<PathBuf>,
-    /// A known parameter by its FMU name; may be repeated.
-    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = settings::parse)]
+    /// A known parameter by its FMU name; it holds and is not fitted. FILE:NAME=VALUE is known of one log. May be repeated.
+    #[arg(long = "set", value_name = "[FILE:]NAME=VALUE", value_parser = settings::parse)]
     settings: Vec<Setting>,
+    /// A value with its standard deviation: a prior of a fitted parameter, or a known value that may be so far off.
+    #[arg(long = "prior", visible_alias = "known", value_name = "NAME=VALUE+-STD", value_parser = settings::parse_prior)]
+    priors: Vec<Pair>,
+    /// A range that a fitted parameter must stay in.
+    #[arg(long = "bound", value_name = "NAME=LOW..HIGH", value_parser = settings::parse_bound, allow_hyphen_values = true)]
+    bounds: Vec<Pair>,
+    /// Standard deviation of a sensor's gain (relative), bias (in the channel's unit) or delay (s), in place of that of a
+    /// good industrial one: CHANNEL.gain_std, CHANNEL.bias_std, CHANNEL.delay_std.
+    #[arg(long = "sensor", value_name = "CHANNEL.gain_std=X", value_parser = settings::parse)]
+    sensors: Vec<Setting>,
+    /// Take sensors and known values as exact but for noise, and for what --sensor and --known say.
+    #[arg(long)]
+    exact: bool,
+    /// Parameters that each log has a value of its own of.
+    #[arg(long, value_name = "A,B", value_delimiter = ',')]
+    per_log: Vec<String>,
     /// Fit only these parameters.
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     only: Vec<String>,
+    /// Leave out logs that cannot be read or contradict the others, and name them.
+    #[arg(long)]
+    skip_bad: bool,
+    /// A log that is not fitted and only judges the result; may be repeated.
+    #[arg(long, value_name = "LOG")]
+    held_out: Vec<PathBuf>,
+    /// Use samples from this time on, s.
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    from: Option<f64>,
+    /// Use samples up to this time, s.
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    to: Option<f64>,
+    /// Take the samples of this time as missing, s; may be repeated.
+    #[arg(long, value_name = "A..B", value_parser = settings::parse_span, allow_hyphen_values = true)]
+    exclude: Vec<(f64, f64)>,
     /// Loss of the regression.
     #[arg(long, value_enum, default_value_t = Loss::Huber)]
     loss: Loss,
@@ -50,7 +84,7 @@ pub(super) struct FitArgs {
     correct: bool,
     #[command(flatten)]
     allowed: check::Allowed,
-    /// Write the result.
+    /// Write the result; of a fit that is refused, what was read and what is wrong.
     #[arg(long, value_name = "FIT.json")]
     out: Option<PathBuf>,
     /// Write the identified values as an SSP parameter set.
@@ -59,35 +93,174 @@ pub(super) struct FitArgs {
     /// Write a page with plots: one file, no network.
     #[arg(long, value_name = "FIT.html")]
     report: Option<PathBuf>,
+    /// Write measured and predicted signals of the fitted logs.
+    #[arg(long, value_name = "R.csv")]
+    residuals: Option<PathBuf>,
 }
 
 pub(super) fn run(args: &FitArgs) -> Result<Outcome, Refusal> {
-    for output in [&args.out, &args.ssv, &args.report].into_iter().flatten() {
-        keep_inputs(Some(output), &args.logs.logs)?;
+    let inputs: Vec<PathBuf> = args.logs.logs.iter().chain(&args.held_out).cloned().collect();
+    for output in [&args.out, &args.ssv, &args.report, &args.residuals].into_iter().flatten() {
+        keep_inputs(Some(output), &inputs)?;
         Outputs::check(output)?;
+    }
+    if let Some(out) = args.out.as_ref().filter(|out| out.extension().is_none_or(|ending| ending != "json")) {
+        let name = out.display();
+        return Err(Refusal(format!("--out {name}: the result is JSON; name it .json (--residuals writes CSV)")));
     }
     if !args.only.is_empty() && args.only.iter().all(|name| name.trim().is_empty()) {
         return Err(Refusal("--only: names no parameter".to_owned()));
     }
-    let request = FitRequest {
+    let progress = Progress::terminal();
+    let mut skipped = Vec::new();
+    let (paths, logs) = read(args, &args.logs.logs, args.skip_bad, &mut skipped, &progress)?;
+    let (_, held_out) = read(args, &args.held_out, false, &mut skipped, &progress)?;
+    let (mut paths, mut logs) = (paths, logs);
+    let mut request = request(args, &paths, held_out)?;
+    let known: Vec<_> = request.start.iter().chain(&request.settings).cloned().collect();
+    let mut findings = check::findings(args.vehicle, &logs, &known, &args.allowed)?;
+    if args.skip_bad {
+        let bad = |log: &Log| findings.iter().find(|f| f.severity == Severity::Refusal && f.file == log.source);
+        let keep: Vec<bool> = logs.iter().map(|log| bad(log).is_none()).collect();
+        if keep.contains(&true) && keep.contains(&false) {
+            skipped.extend(logs.iter().filter_map(|log| Some(format!("was left out: {}", bad(log)?))));
+            findings.retain(|finding| finding.severity != Severity::Refusal);
+            let mut of = keep.iter();
+            logs.retain(|_| of.next() == Some(&true));
+            let mut of = keep.iter();
+            paths.retain(|_| of.next() == Some(&true));
+            request = self::request(args, &paths, request.held_out)?;
+        }
+    }
+    if let Err(Refusal(what)) = check::tell_fit(&findings) {
+        return Err(refused(args, &logs, what, findings));
+    }
+    let result = args.vehicle.fit(&logs, &request, &progress);
+    progress.finish();
+    let mut result = match result {
+        Ok(result) => result,
+        Err(error @ (FitError::Request(_) | FitError::UnknownTarget { .. } | FitError::Setting(_))) => {
+            return Err(error.into());
+        }
+        Err(FitError::Interrupted(stop)) => return Err(stop.into()),
+        Err(error) => return Err(refused(args, &logs, error.to_string(), findings)),
+    };
+    result.findings = findings;
+    result.warnings.splice(0..0, skipped);
+    result.refer_to(&logs);
+    if let Some(path) = &args.residuals {
+        let mut outputs = Outputs::new();
+        outputs.text(path, &report::residuals(&result))?;
+        outputs.commit()?;
+    }
+    deliver(&result, args.out.as_deref(), args.ssv.as_deref(), args.report.as_deref())
+}
+
+/// What is asked for, for logs of these paths.
+fn request(args: &FitArgs, paths: &[PathBuf], held_out: Vec<Log>) -> Result<FitRequest, Refusal> {
+    let trimmed = |names: &[String]| -> Vec<String> {
+        names.iter().map(|name| name.trim().to_owned()).filter(|name| !name.is_empty()).collect()
+    };
+    let pairs = |pairs: &[Pair]| -> Vec<(String, f64, f64)> {
+        pairs.iter().map(|pair| (pair.name.clone(), pair.numbers.0, pair.numbers.1)).collect()
+    };
+    let (general, own) = settings::by_log(&args.settings, paths)?;
+    let mut of_log = Vec::new();
+    for (index, setting) in own {
+        let numbers = settings::numbers(args.vehicle, &[setting])?;
+        of_log.extend(numbers.into_iter().map(|(name, value)| (index, name, value)));
+    }
+    Ok(FitRequest {
         start: args.params.as_deref().map_or(Ok(Vec::new()), |path| settings::start_values(args.vehicle, path))?,
-        settings: settings::numbers(args.vehicle, &args.settings)?,
-        only: args.only.iter().map(|name| name.trim().to_owned()).filter(|name| !name.is_empty()).collect(),
+        settings: settings::numbers(args.vehicle, &general)?,
+        known: pairs(&args.priors),
+        bounds: pairs(&args.bounds),
+        per_log: trimmed(&args.per_log),
+        of_log,
+        sensors: settings::numbers(args.vehicle, &args.sensors)?,
+        exact: args.exact,
+        skip_bad: args.skip_bad,
+        held_out,
+        residuals: args.residuals.is_some(),
+        only: trimmed(&args.only),
         loss: args.loss,
         refine: args.refine,
         correct: args.correct,
+    })
+}
+
+/// Reads logs and keeps the times that were asked for; with `skip` those that cannot be read are named instead.
+fn read(
+    args: &FitArgs,
+    paths: &[PathBuf],
+    skip: bool,
+    skipped: &mut Vec<String>,
+    progress: &Progress,
+) -> Result<(Vec<PathBuf>, Vec<Log>), Refusal> {
+    let (mut kept, mut logs) = (Vec::new(), Vec::new());
+    if paths.is_empty() {
+        return Ok((kept, logs));
+    }
+    let these = LogArgs { logs: paths.to_vec(), columns: args.logs.columns.clone() };
+    read_each(args.vehicle, &these, progress, |path, log| {
+        match log {
+            Ok(log) => {
+                tell(&log);
+                logs.push(log);
+                kept.push(path.to_path_buf());
+            }
+            Err(error) if skip => skipped.push(format!("{} was left out: {error}", path.display())),
+            Err(error) => return Err(error.into()),
+        }
+        Ok(())
+    })?;
+    if logs.is_empty() {
+        return Err(Refusal(skipped.join("; ")));
+    }
+    let (from, to) = (args.from.unwrap_or(f64::NEG_INFINITY), args.to.unwrap_or(f64::INFINITY));
+    for log in &mut logs {
+        let first = log.time.partition_point(|time| *time < from);
+        let last = log.time.partition_point(|time| *time <= to);
+        if last < first + 2 {
+            return Err(Refusal(format!("{}: no samples between --from {from} and --to {to} s", log.source)));
+        }
+        if last - first < log.len() {
+            *log = log.slice(first..last, |_| true);
+        }
+        for (from, to) in &args.exclude {
+            let missing = log.time.partition_point(|time| time < from)..log.time.partition_point(|time| time <= to);
+            for channel in log.channels.iter_mut().filter(|channel| !channel.name.starts_with("true_")) {
+                channel.values[missing.clone()].fill(f64::NAN);
+            }
+        }
+    }
+    Ok((kept, logs))
+}
+
+/// The refusal of a fit whose logs were read; what was read and what is wrong is written all the same.
+fn refused(args: &FitArgs, logs: &[Log], what: String, findings: Vec<Finding>) -> Refusal {
+    let refusal = Refusal(what.clone());
+    let Some(path) = &args.out else { return refusal };
+    let report = FitReport {
+        format_version: crate::result::FORMAT_VERSION,
+        vehicle: args.vehicle.name.to_owned(),
+        loss: args.loss.word().to_owned(),
+        logs: logs.iter().map(LogEntry::from).collect(),
+        solver_status: "not run".to_owned(),
+        warnings: vec![what.clone()],
+        findings,
+        refused: Some(what),
+        ..FitReport::default()
     };
-    let progress = Progress::terminal();
-    let logs = read_logs(args.vehicle, &args.logs, &progress)?;
-    let known: Vec<_> = request.start.iter().chain(&request.settings).cloned().collect();
-    let findings = check::findings(args.vehicle, &logs, &known, &args.allowed)?;
-    check::tell_fit(&findings)?;
-    let result = args.vehicle.fit(&logs, &request, &progress);
-    progress.finish();
-    let mut result = result?;
-    result.refer_to(&logs);
-    result.findings = findings;
-    deliver(&result, args.out.as_deref(), args.ssv.as_deref(), args.report.as_deref())
+    let write = || -> Result<(), Refusal> {
+        let mut outputs = Outputs::new();
+        outputs.text(path, &report.to_json()?)?;
+        Ok(outputs.commit()?)
+    };
+    match write() {
+        Ok(()) => refusal,
+        Err(Refusal(more)) => Refusal(format!("{}; {more}", refusal.0)),
+    }
 }
 
 /// Writes the result's files and prints its table.

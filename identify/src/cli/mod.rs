@@ -23,8 +23,9 @@ use std::process::ExitCode;
 #[command(after_help = "\
 Exit codes:
   0  done
-  1  done with warnings (a parameter is not identifiable or sits at a bound)
-  2  refused; one line on stderr says why and no output file is written
+  1  done with warnings (a parameter is not identified or sits at a bound, or something contradicts the result)
+  2  refused; one line on stderr says why and no output file is written, except that --out of a fit whose logs were
+     read tells what was read and what is wrong
 
 Logs are CSV, Parquet, MDF4, MCAP or CAN files (.csv, .csv.gz, .csv.zst, .parquet, .mf4, .mcap,
 .blf, .asc, .log) with a column `time` in s and columns named as the FMU's inputs, in SI units or

@@ -65,24 +65,30 @@
 //! refinement; groups with instruments ([`Rows::push_instrumented`](crate::solve::Rows)) are solved
 //! by instrumental variables.
 //!
-//! `validate` predicts measured signals with given parameters. [`fit`] calls `estimate` on the whole
-//! logs for the result, and again on the first 60 % of each log to `validate` on the rest.
+//! `validate` predicts measured signals with given parameters. [`fit()`] calls `estimate` on the whole
+//! logs for the result, again on the first 60 % of each log to `validate` on the rest, again on each of several
+//! logs to compare them, and, on fewer windows, with every cause of error that no log shows one step off.
 
+mod considered;
+mod findings;
+mod fit;
+mod imposed;
 pub mod known;
 pub mod noise;
 mod request;
 pub mod session;
+mod several;
 pub mod weak_form;
 
 pub use crate::assess::validation::Prediction;
+pub use considered::{Quality, quality};
+pub use fit::{Declared, fit};
 pub use known::Known;
 pub use request::FitRequest;
 pub use session::{Fitted, Judgement, Session};
 
-use crate::assess::validation::signal_fit;
 use crate::log::{Log, LogError};
 use crate::progress::{Interrupted, Progress};
-use crate::result::{FORMAT_VERSION, FitReport, LogEntry, SignalFit, Trace, Validation};
 use crate::solve::SolveError;
 use wheelstate::{ParameterError, Variable};
 
@@ -111,6 +117,10 @@ pub struct Target {
     pub range: (f64, f64),
     /// Fitted unless the user asks for others.
     pub usual: bool,
+    /// Only special manoeuvres or sensors show it: that it is not found is no warning unless it was asked for.
+    pub optional: bool,
+    /// A given value is a prior that the machine's own fit keeps unless the logs contradict it, and then says so.
+    pub contested: bool,
 }
 
 impl Target {
@@ -118,7 +128,19 @@ impl Target {
     pub fn declared(declared: &[Variable], name: &str, usual: bool) -> Self {
         let variable = declared.iter().find(|variable| variable.name == name);
         let (unit, range) = variable.map_or(("1", (f64::NEG_INFINITY, f64::INFINITY)), |v| (v.unit, v.range));
-        Self { name: name.to_owned(), unit: unit.to_owned(), range, usual }
+        Self { name: name.to_owned(), unit: unit.to_owned(), range, usual, optional: false, contested: false }
+    }
+
+    /// The same, but only special manoeuvres or sensors show it.
+    pub fn optional(mut self) -> Self {
+        self.optional = true;
+        self
+    }
+
+    /// The same, and a given value is a prior that the machine's own fit weighs.
+    pub fn contested(mut self) -> Self {
+        self.contested = true;
+        self
     }
 
     /// The same within a narrower range.
@@ -141,6 +163,10 @@ pub struct Task<'a> {
     pub only: bool,
     /// Whether to refine by output error.
     pub refine: bool,
+    /// Whether sensors and known values are exact but for noise.
+    pub exact: bool,
+    /// Only what considered causes change is looked for: fewer windows that overlap will do.
+    pub coarse: bool,
     /// Where to report progress: by [`Progress::reach`] and [`Progress::part`], in shares of this task.
     pub progress: &'a Progress,
 }
@@ -186,109 +212,4 @@ pub enum FitError {
     /// The user asked to stop.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
-}
-
-/// Fits a vehicle's parameters to logs and judges the result.
-///
-/// The parameters come from the whole logs. For the validation the same fit is made on the first 60 %
-/// of each log and its predictions are compared with the other 40 %. A parameter that the logs do not
-/// determine is part of the report with its reason among the warnings; errors are for logs,
-/// settings and solver states that allow no report at all.
-///
-/// `vehicle` is the name that the report gets, `parameters` the declaration of what may be given as known.
-pub fn fit(
-    problem: &Problem,
-    vehicle: &str,
-    parameters: Vec<Variable>,
-    logs: &[Log],
-    request: &FitRequest,
-    progress: &Progress,
-) -> Result<FitReport, FitError> {
-    if logs.is_empty() {
-        return Err(FitError::NoLog);
-    }
-    let mut known = Known::new(parameters);
-    for (name, value) in request.start.iter().chain(&request.settings) {
-        known.set(name, *value)?;
-    }
-    let targets = (problem.targets)(logs);
-    let wanted = wanted(&targets, &request.only)?;
-    let task =
-        Task { logs, known: &known, wanted: &wanted, only: !request.only.is_empty(), refine: request.refine, progress };
-    progress.start_shares("fitting");
-    let mut session = Session::new(request, &targets);
-    (problem.estimate)(&Task { progress: &progress.part(0.0..0.5), ..task }, &mut session)?;
-    session.complete(&wanted);
-    for (name, _) in request.settings.iter().filter(|(name, _)| wanted.contains(name)) {
-        session.note(format!("{name} was fitted although it was given; --only leaves parameters out"));
-    }
-
-    progress.describe("validating");
-    let (training, held_out): (Vec<Log>, Vec<Log>) = logs.iter().map(split).unzip();
-    let task = Task { progress: &progress.part(0.5..1.0), ..task };
-    let validation = validate(problem, &task, &targets, request, &training, &held_out)?;
-    progress.reach(1.0);
-
-    let report = session.report(&known);
-    Ok(FitReport {
-        format_version: FORMAT_VERSION,
-        vehicle: vehicle.to_owned(),
-        loss: request.loss.word().to_owned(),
-        logs: logs.iter().map(LogEntry::from).collect(),
-        settings: request.start.iter().chain(&request.settings).cloned().collect(),
-        validation: validation.0,
-        traces: validation.1,
-        ..report
-    })
-}
-
-fn wanted(targets: &[Target], only: &[String]) -> Result<Vec<String>, FitError> {
-    if only.is_empty() {
-        return Ok(targets.iter().filter(|target| target.usual).map(|target| target.name.clone()).collect());
-    }
-    if let Some(asked) = only.iter().find(|asked| targets.iter().all(|target| target.name != **asked)) {
-        let known = targets.iter().map(|target| target.name.as_str()).collect::<Vec<_>>().join(", ");
-        return Err(FitError::UnknownTarget { asked: asked.clone(), known });
-    }
-    Ok(only.to_vec())
-}
-
-/// The part of a log that the validation's fit sees and the rest, both without the references
-/// (`true_*`) that no fit looks at: they may be most of a simulated log.
-fn split(log: &Log) -> (Log, Log) {
-    let at = (log.len() as f64 * TRAINING_SHARE).round() as usize;
-    let part = |samples: std::ops::Range<usize>| log.slice(samples, |name| !name.starts_with("true_"));
-    (part(0..at), part(at..log.len()))
-}
-
-/// Fits the first part and predicts the second.
-fn validate(
-    problem: &Problem,
-    task: &Task,
-    targets: &[Target],
-    request: &FitRequest,
-    training: &[Log],
-    held_out: &[Log],
-) -> Result<(Validation, Vec<Trace>), FitError> {
-    let mut session = Session::new(request, targets);
-    let part = |from: f64, to: f64| task.progress.part(from..to);
-    match (problem.estimate)(&Task { logs: training, progress: &part(0.0, 0.6), ..*task }, &mut session) {
-        Ok(()) => {}
-        Err(FitError::Interrupted(stop)) => return Err(stop.into()),
-        // The first part alone may not suffice: then there is nothing to validate with.
-        Err(_) => return Ok((Validation::default(), Vec::new())),
-    }
-    let mut known = task.known.clone();
-    for (name, value) in session.values() {
-        known.assume(name, value);
-    }
-    let ahead = (problem.validate)(&Task { logs: held_out, known: &known, progress: &part(0.6, 0.8), ..*task });
-    let behind = (problem.validate)(&Task { logs: training, known: &known, progress: &part(0.8, 1.0), ..*task });
-    let mut signals: Vec<SignalFit> = ahead.iter().map(signal_fit).collect();
-    for signal in &mut signals {
-        let same = behind.iter().find(|prediction| prediction.trace.name == signal.name);
-        signal.fit_percent_training = same.map_or(f64::NAN, |prediction| signal_fit(prediction).fit_percent);
-    }
-    let traces = ahead.into_iter().map(|prediction| prediction.trace).collect();
-    Ok((Validation { held_out: 1.0 - TRAINING_SHARE, signals }, traces))
 }

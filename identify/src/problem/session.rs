@@ -1,11 +1,12 @@
 //! What a problem's `estimate` works with: solves, records estimates, and turns all of it into a report.
 
-use super::{FitError, FitRequest, Known, Target};
-use crate::assess::{Evidence, Limits, Verdict, verdict};
+use super::findings::{Findings, Found};
+use super::imposed::{Given, Imposition, Knowledge, impose};
+use super::{FitError, FitRequest, Target};
+use crate::assess::{Limits, student};
 use crate::progress::Progress;
-use crate::result::{CorrelationPair, Covariance, FitReport, Parameter, Verdict as Shade};
 use crate::solve::{self, Accuracy, Loss, Options, Regression, Smooth, Solution, SolveError};
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
 /// A solution kept in the session.
@@ -17,9 +18,8 @@ pub struct Fitted(usize);
 pub struct Judgement {
     /// Thresholds of the verdict.
     pub limits: Limits,
-    /// Standard deviation from causes that act on every sample alike (a sensor's bias). Part of the
-    /// standard error and the interval, not of the verdict: an estimate that absorbs such a cause is
-    /// the right one for an estimator that uses the same sensors.
+    /// Standard deviation from causes that act on every sample alike and that only the machine knows of; those of
+    /// its sensors and known values are considered anyway. Part of the standard error.
     pub systematic_std: f64,
     /// Judge by this size instead of the estimate's own, for parameters that may well be zero.
     pub size: Option<f64>,
@@ -42,6 +42,7 @@ pub struct Session<'a> {
     options: Options,
     targets: &'a [Target],
     solutions: Vec<Solution>,
+    impositions: Vec<Imposition>,
     estimates: Vec<Estimate>,
     given_up: BTreeMap<String, String>,
     warnings: Vec<String>,
@@ -56,11 +57,26 @@ impl<'a> Session<'a> {
             options: Options { loss: request.loss, correct: request.correct, ..Options::default() },
             targets,
             solutions: Vec::new(),
+            impositions: Vec::new(),
             estimates: Vec::new(),
             given_up: BTreeMap::new(),
             warnings: Vec::new(),
             notes: Vec::new(),
         }
+    }
+
+    /// The same for differences between fits: least squares, which has the same sensitivities and needs no iteration.
+    pub(super) fn coarse(mut self, coarse: bool) -> Self {
+        if coarse {
+            self.options.loss = Loss::Ls;
+        }
+        self
+    }
+
+    /// The same with conditions that its solutions must meet.
+    pub(super) fn under(mut self, impositions: Vec<Imposition>) -> Self {
+        self.impositions = impositions;
+        self
     }
 
     /// Whether the user asked to subtract the estimated bias.
@@ -89,7 +105,10 @@ impl<'a> Session<'a> {
     ) -> Result<Option<Fitted>, FitError> {
         match solve::solve(regression, &options) {
             Ok(solution) => Ok(Some(self.keep(solution))),
-            Err(error @ (SolveError::TooFewRows { .. } | SolveError::Singular { .. })) => {
+            Err(
+                error
+                @ (SolveError::TooFewRows { .. } | SolveError::Singular { .. } | SolveError::Contradiction { .. }),
+            ) => {
                 parameters.iter().for_each(|name| self.give_up(name, &error.to_string()));
                 Ok(None)
             }
@@ -117,8 +136,13 @@ impl<'a> Session<'a> {
         if solution.accuracy == Accuracy::AlmostSolved {
             self.warn(format!("{}: the conic solver reached only its reduced accuracy", solution.name));
         }
+        let mut solution = solution;
+        let fit = self.solutions.len();
+        for condition in self.impositions.iter().filter(|condition| condition.fit == fit) {
+            impose(&mut solution, condition);
+        }
         self.solutions.push(solution);
-        Fitted(self.solutions.len() - 1)
+        Fitted(fit)
     }
 
     /// A solution.
@@ -204,37 +228,69 @@ impl<'a> Session<'a> {
         self.given_up.retain(|name, _| wanted.contains(name));
     }
 
+    /// The conditions that what is given puts on the solutions, linearised at the estimates, and the largest step
+    /// that is left to meet them, in units of what each of them allows.
+    pub(super) fn conditions(&self, given: &[Given]) -> (Vec<Imposition>, f64) {
+        let mut all = Vec::new();
+        let mut left = 0.0_f64;
+        for Given { name, what } in given {
+            let Some(estimate) = self.estimates.iter().find(|estimate| estimate.name == *name) else { continue };
+            let before = self.impositions.iter().find(|condition| condition.name == *name);
+            let (value, std) = match *what {
+                Knowledge::Value(value) => (value, 0.0),
+                Knowledge::Prior(value, std) => (value, std),
+                Knowledge::Range(low, high) => {
+                    let outside = estimate.value < low || estimate.value > high;
+                    if before.is_none() && !outside {
+                        continue;
+                    }
+                    (if (estimate.value - low).abs() < (estimate.value - high).abs() { low } else { high }, 0.0)
+                }
+            };
+            let theta = &self.solutions[estimate.fit].theta;
+            let here: f64 = solve::dot(&estimate.gradient, theta);
+            let target = here + (value - estimate.value);
+            let size = if std > 0.0 { 1e-2 * std } else { 1e-7 * value.abs().max(1e-6) };
+            left = left.max(match before {
+                Some(before) if std > 0.0 => (target - before.value).abs() / size,
+                _ if std > 0.0 => f64::INFINITY,
+                _ => (value - estimate.value).abs() / size,
+            });
+            all.push(Imposition {
+                name: name.clone(),
+                fit: estimate.fit,
+                row: estimate.gradient.clone(),
+                value: target,
+                std,
+            });
+        }
+        (all, left)
+    }
+
+    /// Value and standard error of what is given, as the logs alone have it.
+    pub(super) fn alone(&self, given: &[Given]) -> Vec<(String, f64, f64)> {
+        let of = |given: &Given| Some((given.name.clone(), self.value(&given.name)?, self.std_error(&given.name)?));
+        given.iter().filter_map(of).collect()
+    }
+
     fn error_of(&self, estimate: &Estimate) -> f64 {
-        self.sampling_error(estimate).hypot(estimate.judgement.systematic_std)
-    }
-
-    fn sampling_error(&self, estimate: &Estimate) -> f64 {
         let (spread, bias) = self.spread_and_bias(estimate);
-        spread.hypot(bias)
+        spread.hypot(bias).hypot(estimate.judgement.systematic_std)
     }
 
+    /// Standard deviation by noise, scaled so that 1.96 of it are the quantile of Student's distribution; bias.
     fn spread_and_bias(&self, estimate: &Estimate) -> (f64, f64) {
         let solution = &self.solutions[estimate.fit];
         let gradient = DVector::from_column_slice(&estimate.gradient);
         let variance = gradient.dot(&(&solution.covariance * &gradient)).max(0.0);
-        (variance.sqrt(), gradient.dot(&DVector::from_column_slice(&solution.bias)))
+        let bias = gradient.dot(&DVector::from_column_slice(&solution.bias));
+        (variance.sqrt() * student(solution.degrees_of_freedom), bias)
     }
 
-    /// Which estimates are mostly biased, if the user may have that subtracted.
-    fn note_on_bias(&self) -> Option<String> {
-        let biased = self.estimates.iter().filter_map(|estimate| {
-            let (spread, bias) = self.spread_and_bias(estimate);
-            (bias.abs() > spread).then(|| format!("{} by about {bias:.2e}", estimate.name))
-        });
-        let biased = biased.collect::<Vec<_>>().join(", ");
-        (!self.options.correct && !biased.is_empty())
-            .then(|| format!("biased beyond chance: {biased} (--correct subtracts what is known of it)"))
-    }
-
-    fn evidence(&self, estimate: &Estimate, range: (f64, f64)) -> Evidence {
+    fn found(&self, estimate: &Estimate, range: (f64, f64)) -> Found {
         let solution = &self.solutions[estimate.fit];
         let involved: Vec<usize> = (0..estimate.gradient.len()).filter(|&i| estimate.gradient[i] != 0.0).collect();
-        let edge = 1e-9 * estimate.value.abs().max(1e-9);
+        let edge = 1e-6 * estimate.value.abs().max(1e-9);
         // Among the estimates of this solution, not its raw coefficients: k and k phi_0 go together
         // even where k and phi_0 are well known.
         let gradient = DVector::from_column_slice(&estimate.gradient);
@@ -246,116 +302,54 @@ impl<'a> Session<'a> {
             if product > 0.0 { (other.dot(&seen) / product.sqrt()).abs() } else { 0.0 }
         });
         let correlation = correlation.fold(0.0, f64::max);
-        Evidence {
-            value: estimate.judgement.size.unwrap_or(estimate.value),
-            std_error: self.sampling_error(estimate),
-            noise_share: involved.iter().map(|&i| solution.noise_share[i]).fold(0.0, f64::max),
+        let (spread, bias) = self.spread_and_bias(estimate);
+        let coloured =
+            solution.coloured.iter().map(|(channel, pull)| (channel.clone(), solve::dot(&estimate.gradient, pull)));
+        Found {
+            name: estimate.name.clone(),
+            value: estimate.value,
+            spread,
+            bias,
+            coloured: coloured.collect(),
+            judgement: estimate.judgement,
             at_bound: involved.iter().any(|&i| solution.at_bound[i])
                 || estimate.value <= range.0 + edge
                 || estimate.value >= range.1 - edge,
+            noise_share: involved.iter().map(|&i| solution.noise_share[i]).fold(0.0, f64::max),
             correlation,
             condition_number: solution.condition_number,
         }
     }
 
-    /// The report of everything but logs, settings and validation.
-    pub(super) fn report(&self, known: &Known) -> FitReport {
-        let mut report =
-            FitReport { warnings: self.warnings.clone(), notes: self.notes.clone(), ..FitReport::default() };
-        report.notes.extend(self.note_on_bias());
-        let mut used: Vec<usize> = self.estimates.iter().map(|estimate| estimate.fit).collect();
+    /// All that was found, for the report.
+    pub(super) fn findings(&self) -> Findings {
+        let target = |estimate: &Estimate| self.targets.iter().find(|target| target.name == estimate.name);
+        let kept: Vec<(&Estimate, &Target)> = self.estimates.iter().filter_map(|e| Some((e, target(e)?))).collect();
+        let n = kept.len();
+        // Of one solution by the delta method, of different solutions zero: their rows come from different equations.
+        let covariance = DMatrix::from_fn(n, n, |i, j| {
+            let (one, other) = (kept[i].0, kept[j].0);
+            if one.fit != other.fit {
+                return 0.0;
+            }
+            let solution = &self.solutions[one.fit];
+            let (a, b) = (DVector::from_column_slice(&one.gradient), DVector::from_column_slice(&other.gradient));
+            a.dot(&(&solution.covariance * b)) * student(solution.degrees_of_freedom).powi(2)
+        });
+        let mut used: Vec<usize> = kept.iter().map(|(estimate, _)| estimate.fit).collect();
         used.sort_unstable();
         used.dedup();
-        for estimate in &self.estimates {
-            let Some(target) = self.targets.iter().find(|target| target.name == estimate.name) else { continue };
-            let evidence = self.evidence(estimate, target.range);
-            let limits = estimate.judgement.limits;
-            let outcome = verdict(&evidence, &limits);
-            let verdict = match &outcome {
-                Verdict::Identified => Shade::Identified,
-                Verdict::Unidentified(_) if evidence.at_bound => Shade::AtBound,
-                Verdict::Unidentified(_) if evidence.std_error < evidence.value.abs() => Shade::Weak,
-                Verdict::Unidentified(_) => Shade::NotIdentifiable,
-            };
-            if let Verdict::Unidentified(reasons) = &outcome {
-                report.warnings.push(format!("{} is not identified: {}", estimate.name, reasons.join("; ")));
-            }
-            let std_error = self.error_of(estimate);
-            let half = 1.96 * std_error;
-            let parameter = Parameter {
-                value: estimate.value,
-                unit: target.unit.clone(),
-                std_error,
-                ci95: [estimate.value - half, estimate.value + half],
-                identified: outcome == Verdict::Identified,
-                at_bound: evidence.at_bound,
-                verdict,
-                start: known.find(&estimate.name),
-            };
-            report.parameters.insert(estimate.name.clone(), parameter);
-        }
-        for (name, reason) in &self.given_up {
-            let Some(target) = self.targets.iter().find(|target| target.name == *name) else { continue };
-            report.warnings.push(format!("{name} is not identified: {reason}"));
-            let parameter = Parameter {
-                value: f64::NAN,
-                unit: target.unit.clone(),
-                std_error: f64::NAN,
-                ci95: [f64::NAN; 2],
-                identified: false,
-                verdict: Shade::NotIdentifiable,
-                start: known.find(name),
-                ..Parameter::default()
-            };
-            report.parameters.insert(name.clone(), parameter);
-        }
         let solutions: Vec<&Solution> = used.iter().map(|&index| &self.solutions[index]).collect();
-        report.condition_number = solutions.iter().map(|s| s.condition_number).fold(f64::NAN, f64::max);
-        report.windows_used = solutions.iter().map(|solution| solution.rows).sum();
-        let almost = solutions.iter().any(|solution| solution.accuracy == Accuracy::AlmostSolved);
-        report.solver_status = if solutions.is_empty() {
-            "not run"
-        } else if almost {
-            "AlmostSolved"
-        } else {
-            "Solved"
+        Findings {
+            found: kept.iter().map(|(estimate, target)| self.found(estimate, target.range)).collect(),
+            covariance,
+            given_up: self.given_up.clone(),
+            warnings: self.warnings.clone(),
+            notes: self.notes.clone(),
+            rows: solutions.iter().map(|solution| solution.rows).sum(),
+            condition_number: solutions.iter().map(|s| s.condition_number).fold(f64::NAN, f64::max),
+            almost: solutions.iter().any(|solution| solution.accuracy == Accuracy::AlmostSolved),
+            corrected: self.options.correct,
         }
-        .to_owned();
-        self.covariance_into(&mut report);
-        report
-    }
-
-    /// Covariance between estimates: of one solution by the delta method, of different solutions zero
-    /// (their rows come from different equations).
-    fn covariance_into(&self, report: &mut FitReport) {
-        let n = self.estimates.len();
-        if n == 0 {
-            return;
-        }
-        let mut matrix = vec![vec![0.0; n]; n];
-        for (i, one) in self.estimates.iter().enumerate() {
-            for (j, other) in self.estimates.iter().enumerate() {
-                if i == j {
-                    matrix[i][j] = self.error_of(one).powi(2);
-                } else if one.fit == other.fit {
-                    let solution = &self.solutions[one.fit];
-                    let (a, b) =
-                        (DVector::from_column_slice(&one.gradient), DVector::from_column_slice(&other.gradient));
-                    let bias = DVector::from_column_slice(&solution.bias);
-                    matrix[i][j] = a.dot(&(&solution.covariance * &b)) + a.dot(&bias) * b.dot(&bias);
-                }
-            }
-        }
-        let pair = (0..n).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| {
-            let correlation = matrix[i][j] / (matrix[i][i] * matrix[j][j]).sqrt();
-            (i, j, if correlation.is_finite() { correlation } else { 0.0 })
-        });
-        report.correlation_worst_pair =
-            pair.max_by(|a, b| a.2.abs().total_cmp(&b.2.abs())).map(|(i, j, correlation)| {
-                let name = |index: usize| self.estimates[index].name.clone();
-                CorrelationPair { parameters: [name(j), name(i)], correlation }
-            });
-        let parameters = self.estimates.iter().map(|estimate| estimate.name.clone()).collect();
-        report.covariance = Some(Covariance { parameters, matrix });
     }
 }

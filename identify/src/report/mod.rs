@@ -2,10 +2,12 @@
 
 mod html;
 mod plot;
+mod residuals;
 mod ssv;
 mod table;
 
 pub use html::{HtmlError, html};
 pub use plot::PlotError;
+pub use residuals::residuals;
 pub use ssv::ssv;
 pub use table::{start_values, table};

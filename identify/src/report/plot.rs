@@ -214,7 +214,7 @@ pub fn intervals(report: &FitReport) -> Result<Option<String>, PlotError> {
             let y = rows - 1.0 - place as f64;
             let colour = match verdict {
                 Verdict::Identified => GREEN,
-                Verdict::Weak => AMBER,
+                Verdict::Weak | Verdict::PriorOnly | Verdict::PerLog => AMBER,
                 Verdict::NotIdentifiable | Verdict::AtBound => RED,
             };
             let ends = ends.map(|end| end.clamp(-limit, limit));

@@ -99,7 +99,11 @@ fn quality(report: &FitReport, text: &mut String) {
     }
     if !report.validation.signals.is_empty() {
         let share = 100.0 * report.validation.held_out;
-        let _ = writeln!(text, "\nprediction of the last {share:.0} % of the samples, not used for that fit:");
+        let _ = if share < 100.0 {
+            writeln!(text, "\nprediction of the last {share:.0} % of the samples, not used for that fit:")
+        } else {
+            writeln!(text, "\nprediction of the logs that were held out:")
+        };
         let width = report.validation.signals.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
         for signal in &report.validation.signals {
             let _ = writeln!(text, "  {:width$}  {}", signal.name, validation_words(signal));
@@ -184,7 +188,7 @@ mod tests {
             identified: verdict == Verdict::Identified,
             at_bound: verdict == Verdict::AtBound,
             verdict,
-            start: None,
+            ..Parameter::default()
         };
         FitReport {
             vehicle: "nursing-robot".to_owned(),
@@ -211,6 +215,7 @@ mod tests {
                     fit_percent: 82.13,
                     fit_percent_training: 84.0,
                     residual_correlation: 0.02,
+                    ..SignalFit::default()
                 }],
             },
             logs: vec![LogEntry { file: "a.csv".to_owned(), sha256: String::new(), samples: 4000 }],

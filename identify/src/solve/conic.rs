@@ -69,7 +69,8 @@ impl Program {
         self.second_order.push(rows);
     }
 
-    /// Solves it. Any end but `Solved` and `AlmostSolved` is an error with Clarabel's status.
+    /// Solves it. Any end but `Solved` and `AlmostSolved` means that the constraints and the cost contradict each other:
+    /// Clarabel proves it (infeasible), or runs out of digits on the way.
     pub fn solve(&self, name: &str) -> Result<Optimum, SolveError> {
         let rows = self.zero.iter().chain(&self.non_negative).chain(self.second_order.iter().flatten());
         let (mut i, mut j, mut v, mut b) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -97,7 +98,7 @@ impl Program {
             cones.push(NonnegativeConeT(self.non_negative.len()));
         }
         cones.extend(self.second_order.iter().map(|rows| SecondOrderConeT(rows.len())));
-        let failed = |status: String| SolveError::Solver { regression: name.to_owned(), status };
+        let failed = || SolveError::Contradiction { regression: name.to_owned(), details: String::new() };
         // Tight first; where rounding forbids that, Clarabel's own tolerance is a full solution too.
         let mut last = None;
         for tolerance in [1e-10, 1e-8] {
@@ -109,8 +110,7 @@ impl Program {
                 tol_feas: tolerance,
                 ..Default::default()
             };
-            let mut solver = DefaultSolver::new(&p, &self.linear, &a, &b, &cones, settings)
-                .map_err(|error| failed(error.to_string()))?;
+            let mut solver = DefaultSolver::new(&p, &self.linear, &a, &b, &cones, settings).map_err(|_| failed())?;
             solver.solve();
             let status = solver.solution.status;
             last = Some((status, solver.solution));
@@ -118,11 +118,11 @@ impl Program {
                 break;
             }
         }
-        let Some((status, solution)) = last else { return Err(failed("not run".to_owned())) };
+        let Some((status, solution)) = last else { return Err(failed()) };
         let accuracy = match status {
             SolverStatus::Solved => Accuracy::Solved,
             SolverStatus::AlmostSolved => Accuracy::AlmostSolved,
-            other => return Err(failed(format!("{other:?}"))),
+            _ => return Err(failed()),
         };
         let start = self.zero.len();
         let non_negative = (start..start + self.non_negative.len()).map(|k| (solution.s[k], solution.z[k])).collect();

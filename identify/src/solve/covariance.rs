@@ -7,11 +7,12 @@ use std::collections::BTreeMap;
 
 /// Judges the minimiser of a regression.
 ///
-/// The covariance is the sandwich `B^-1 (sum over clusters of g g') B^-1` with `B = A'WA` and
-/// `g` the summed score of a cluster (`psi(r) a`), rows in units of their noise. `W` is the second
-/// derivative of the loss (1 within the Huber threshold, 0 beyond; 1 for least squares and L1). It is
-/// honest about correlation inside a cluster and about unequal noise, and does not know of noise
-/// in the regressors or of what the rows neglect: that is `bias`. With noise of energy `N = [N_a N_y]`
+/// The covariance is the sandwich `B^-1 S B^-1` with `B = A'WA` and `S` the [`long_run`] covariance of `g`, the summed
+/// score of a cluster (`psi(r) a`), rows in units of their noise. `W` is the second derivative of the loss: 1 for
+/// least squares; 1 within the Huber threshold, 0 beyond; for L1, whose second derivative is twice a delta function,
+/// `1/h` where `|r| <= h` (Powell's kernel, `h = 1.06 rows^(-1/5)`). It is honest about correlation inside and between
+/// clusters and about unequal noise, and does not know of noise in the regressors or of what the rows neglect: that
+/// is `bias`. With noise of energy `N = [N_a N_y]`
 /// in `[A y]` and neglected terms `d` the normal equations hold at `theta + bias`,
 /// `B bias = A'W d - (N_a theta - N_y)` at the true `theta`. With [`Options::correct`] it is subtracted, except for guesses.
 pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options, minimiser: Minimiser) -> Solution {
@@ -19,11 +20,14 @@ pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options,
     let mut information = DMatrix::<f64>::zeros(n, n);
     let mut gram = DMatrix::<f64>::zeros(n, n);
     let mut scores: BTreeMap<u32, DVector<f64>> = BTreeMap::new();
+    let mut squares: BTreeMap<u32, DVector<f64>> = BTreeMap::new();
     let mut pull = DVector::<f64>::zeros(n);
     let mut guess = DVector::<f64>::zeros(n);
     let mut noise_energy = DMatrix::<f64>::zeros(n, n);
-    let mut rows = 0;
+    let rows: usize = regression.groups.iter().map(super::Rows::len).sum();
+    let kernel = 1.06 * (rows.max(1) as f64).powf(-0.2);
     let mut residuals = Vec::new();
+    let mut coloured: Vec<(String, DVector<f64>)> = Vec::new();
     for (group, &scale) in regression.groups.iter().zip(scales) {
         let of_group = group.residuals(&minimiser.theta);
         let mut quadratic = 0.0;
@@ -31,12 +35,16 @@ pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options,
             let row = DVector::from_iterator(n, group.row(i).iter().map(|value| value / scale));
             let r = residual / scale;
             let (weight, psi) = match options.loss {
-                Loss::Ls | Loss::L1 => (1.0, r),
+                Loss::Ls => (1.0, r),
+                Loss::L1 => (f64::from(u8::from(r.abs() <= kernel)) / kernel, r.signum()),
                 Loss::Huber => (f64::from(u8::from(r.abs() <= HUBER_DELTA)), r.clamp(-HUBER_DELTA, HUBER_DELTA)),
             };
             gram.ger(1.0, &row, &row, 1.0);
             information.ger(weight, &row, &row, 1.0);
             scores.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)).axpy(psi, &row, 1.0);
+            if options.loss == Loss::L1 {
+                squares.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)).axpy(r, &row, 1.0);
+            }
             if let Some(neglected) = group.neglected.get(i) {
                 let into = if group.guessed { &mut guess } else { &mut pull };
                 into.axpy(weight * neglected / scale, &row, 1.0);
@@ -53,7 +61,16 @@ pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options,
                 }
             }
         }
-        rows += group.len();
+        for (channel, kernel) in &group.coloured {
+            if let Some(variance) = excess(group, scale, kernel, &minimiser.theta) {
+                let mut into = DVector::zeros(n);
+                for j in 0..n {
+                    let noise = &kernel[j * (n + 1)..(j + 1) * (n + 1)];
+                    into[j] = -quadratic * variance * (dot(&noise[..n], &minimiser.theta) - noise[n]) / (scale * scale);
+                }
+                coloured.push((channel.clone(), into));
+            }
+        }
         residuals.push(of_group);
     }
     for (index, unknown) in regression.unknowns.iter().enumerate() {
@@ -63,10 +80,13 @@ pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options,
         }
     }
     let bread = inverse(&information);
-    let mut filling = DMatrix::zeros(n, n);
-    scores.values().for_each(|score| filling.ger(1.0, score, score, 1.0));
+    let LongRun { covariance: mut filling, degrees_of_freedom } = long_run(&scores, n, &gram, rows);
+    let mut plain = DMatrix::zeros(n, n);
+    let plain_scores = if options.loss == Loss::L1 { &squares } else { &scores };
+    plain_scores.values().for_each(|score| plain.ger(1.0, score, score, 1.0));
     for (index, unknown) in regression.unknowns.iter().enumerate() {
         if let Some((_, std)) = unknown.prior {
+            plain[(index, index)] += 1.0 / (std * std);
             filling[(index, index)] += 1.0 / (std * std);
         }
     }
@@ -76,6 +96,7 @@ pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options,
         Some(factor) => factor.inverse(),
         None => bread.clone(),
     };
+    let coloured = coloured.into_iter().map(|(channel, pull)| (channel, (&bread * pull).as_slice().to_vec())).collect();
     let known = &consistent * pull;
     let mut bias = &consistent * guess;
     // What regressor j adds to the others is A d_j with d_j = B^-1 e_j / (B^-1)_jj; its energy is
@@ -98,6 +119,12 @@ pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options,
     } else {
         bias += known;
     }
+    let sandwich = if options.loss == Loss::L1 {
+        let bread = inverse(&gram);
+        &bread * plain * &bread
+    } else {
+        gain * plain * gain
+    };
     Solution {
         name: regression.name.clone(),
         covariance: gain * filling * gain,
@@ -107,12 +134,89 @@ pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options,
         residuals,
         noise_share,
         bias: bias.as_slice().to_vec(),
+        coloured,
+        sandwich,
+        degrees_of_freedom,
         rows,
         at_bound: minimiser.at_bound,
         accuracy: minimiser.accuracy,
         theta,
         cost: Vec::new(),
     }
+}
+
+/// Share of the largest plausible coloured noise of a channel that the residuals have room for beyond what white noise
+/// explains; `kernel` is the covariance of `[row, right-hand side]` for all of it. None where white noise explains the
+/// residuals, or is not known.
+fn excess(group: &super::Rows, scale: f64, kernel: &[f64], theta: &[f64]) -> Option<f64> {
+    let n = theta.len();
+    let of = |noise: &[f64]| -> f64 {
+        let value = |i: usize| if i < n { theta[i] } else { -1.0 };
+        (0..=n)
+            .flat_map(|i| (0..=n).map(move |j| (i, j)))
+            .map(|(i, j)| value(i) * noise[i * (n + 1) + j] * value(j))
+            .sum()
+    };
+    if group.noise.len() != (n + 1) * (n + 1) || kernel.len() != group.noise.len() || group.len() < 2 {
+        return None;
+    }
+    let clusters = group.cluster.iter().zip(&group.cluster[1..]).filter(|(a, b)| a != b).count() + 1;
+    // Three standard deviations of a variance from so many independent values.
+    let chance = 1.0 + 3.0 * (2.0 / clusters as f64).sqrt();
+    let beyond = scale * scale - chance * of(&group.noise);
+    let unit = of(kernel);
+    (beyond > 0.0 && unit > 0.0).then(|| (beyond / unit).min(1.0))
+}
+
+/// Covariance of the sum of correlated scores.
+pub struct LongRun {
+    /// The covariance.
+    pub covariance: DMatrix<f64>,
+    /// Clusters less the unknowns, times what correlation leaves of them; at least 1.
+    pub degrees_of_freedom: f64,
+}
+
+/// Covariance of the sum of the scores of consecutive clusters that may hang together.
+///
+/// Each component is whitened as a first-order autoregression, the covariance of what is left is taken, and coloured
+/// again by `1/(1 - rho)` on both sides (Andrews and Monahan 1992, diagonal); `rho` is corrected for its bias in short
+/// series (Kendall 1954) and never taken as negative. Times `G/(G - n)` for the unknowns that the residuals were
+/// fitted with. With no more clusters than unknowns nothing can be said about correlation: then each cluster
+/// counts as one of the `rows` of the `gram`, which is pessimistic.
+pub fn long_run(scores: &BTreeMap<u32, DVector<f64>>, n: usize, gram: &DMatrix<f64>, rows: usize) -> LongRun {
+    let count = scores.len() as f64;
+    let mut rho = vec![0.0_f64; n];
+    for (j, rho) in rho.iter_mut().enumerate() {
+        let (mut product, mut square) = (0.0, 0.0);
+        for (id, score) in scores {
+            square += score[j] * score[j];
+            product += scores.get(&(id + 1)).map_or(0.0, |next| next[j] * score[j]);
+        }
+        let raw = if square > 0.0 { product / square } else { 0.0 };
+        let most = (1.0 - 4.0 / count).clamp(0.0, 0.95);
+        *rho = if raw > 0.0 { (raw + (1.0 + 3.0 * raw) / count).min(most) } else { 0.0 };
+    }
+    let usual = rho.iter().sum::<f64>() / n.max(1) as f64;
+    let mut covariance = DMatrix::zeros(n, n);
+    if scores.len() <= n + 1 {
+        let mean: f64 = scores.values().map(DVector::norm_squared).sum::<f64>() / gram.trace().max(f64::MIN_POSITIVE);
+        return LongRun { covariance: gram * mean.max(rows as f64 / count.max(1.0)), degrees_of_freedom: 1.0 };
+    }
+    for (id, score) in scores {
+        let before = id.checked_sub(1).and_then(|id| scores.get(&id));
+        let left = DVector::from_fn(n, |j, _| {
+            let innovation = score[j] - before.map_or(0.0, |before| rho[j] * before[j]);
+            // Without a cluster before it a score has its full variance already.
+            if before.is_some() {
+                innovation / (1.0 - rho[j])
+            } else {
+                score[j] * ((1.0 + rho[j]) / (1.0 - rho[j])).sqrt()
+            }
+        });
+        covariance.ger(1.0, &left, &left, 1.0);
+    }
+    covariance *= count / (count - n as f64);
+    LongRun { covariance, degrees_of_freedom: ((count - n as f64) * (1.0 - usual)).max(1.0) }
 }
 
 /// Pseudo-inverse of a symmetric matrix, scaled to a unit diagonal first so that the units of

@@ -7,7 +7,7 @@
 
 use super::compress::Compressor;
 use super::conic::Feasible;
-use super::covariance;
+use super::covariance::{self, LongRun};
 use super::{Regression, Rows, Solution, SolveError, dot, polish};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
@@ -36,10 +36,9 @@ pub fn solve(regression: &Regression) -> Result<Solution, SolveError> {
         g.column_iter().map(|column| column.norm()).map(|size| if size > 0.0 { size } else { 1.0 }).collect();
     let bounds: Vec<_> = regression.unknowns.iter().map(|unknown| (unknown.lower, unknown.upper)).collect();
     let feasible = Feasible::new(&bounds, &regression.constraints, &scale);
-    let singular =
-        || SolveError::Solver { regression: regression.name.clone(), status: "singular instruments".to_owned() };
+    let singular = || SolveError::Singular { regression: regression.name.clone() };
     let mut pass = 0;
-    let (theta, minimum, whitened) = loop {
+    let (theta, minimum, whitened, degrees_of_freedom) = loop {
         let factor = s.clone().cholesky().ok_or_else(singular)?.unpack();
         let whitened = factor.solve_lower_triangular(&g).ok_or_else(singular)?;
         let target = factor.solve_lower_triangular(&b).ok_or_else(singular)?;
@@ -57,10 +56,16 @@ pub fn solve(regression: &Regression) -> Result<Solution, SolveError> {
         }
         let minimum = polish::quadratic(&regression.name, &compressor.finish(), &vec![0.0; n], &feasible)?;
         let theta: Vec<f64> = minimum.z.iter().zip(&scale).map(|(z, scale)| z / scale).collect();
-        s = moment_covariance(&groups, &theta);
         if pass == REWEIGHTINGS {
-            break (theta, minimum, whitened);
+            // The covariance of the answer, with the moments' correlation over time.
+            let long = moment_covariance(&groups, &theta, true);
+            let whitened = match long.covariance.cholesky() {
+                Some(factor) => factor.unpack().solve_lower_triangular(&g).ok_or_else(singular)?,
+                None => whitened,
+            };
+            break (theta, minimum, whitened, long.degrees_of_freedom);
         }
+        s = moment_covariance(&groups, &theta, false).covariance;
         pass += 1;
     };
     let mut at_bound = vec![false; n];
@@ -90,6 +95,9 @@ pub fn solve(regression: &Regression) -> Result<Solution, SolveError> {
             .map(|group| super::robust::deviation(&group.residuals(&theta), &group.y))
             .collect(),
         bias: vec![0.0; n],
+        coloured: Vec::new(),
+        sandwich: covariance.clone(),
+        degrees_of_freedom,
         noise_share: vec![0.0; n],
         cost: Vec::new(),
         accuracy: minimum.accuracy,
@@ -104,21 +112,24 @@ fn instruments(group: &Rows, index: usize) -> DVector<f64> {
     DVector::from_column_slice(&group.instruments[index * group.columns..(index + 1) * group.columns])
 }
 
-/// Sum over clusters of the outer product of the cluster's summed moments.
-fn moment_covariance(groups: &[&Rows], theta: &[f64]) -> DMatrix<f64> {
+/// Covariance of the sum of the moments, those of a cluster summed before squaring; `correlated` allows for
+/// correlation between clusters too.
+fn moment_covariance(groups: &[&Rows], theta: &[f64], correlated: bool) -> LongRun {
     let n = theta.len();
     let mut sums: BTreeMap<u32, DVector<f64>> = BTreeMap::new();
+    let mut squares = DMatrix::zeros(n, n);
     for group in groups {
         for i in 0..group.len() {
             let residual = group.y[i] - dot(group.row(i), theta);
-            sums.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)).axpy(
-                residual,
-                &instruments(group, i),
-                1.0,
-            );
+            let z = instruments(group, i);
+            squares.ger(residual * residual, &z, &z, 1.0);
+            sums.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)).axpy(residual, &z, 1.0);
         }
+    }
+    if correlated {
+        return covariance::long_run(&sums, n, &squares, groups.iter().map(|group| group.len()).sum());
     }
     let mut s = DMatrix::zeros(n, n);
     sums.values().for_each(|sum| s.ger(1.0, sum, sum, 1.0));
-    s
+    LongRun { covariance: s, degrees_of_freedom: 1.0 }
 }

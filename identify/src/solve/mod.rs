@@ -23,6 +23,7 @@
 
 pub mod compress;
 pub mod conic;
+mod contradiction;
 pub mod covariance;
 pub mod instrument;
 pub mod polish;
@@ -106,6 +107,9 @@ pub struct Rows {
     /// Covariance that sensor noise alone gives `[row, right-hand side]`, `columns + 1` squared
     /// values, or empty if unknown. From it follows the bias that noisy regressors cause.
     pub noise: Vec<f64>,
+    /// Per channel, the covariance that the largest plausible noise of it with a correlation time would give
+    /// `[row, right-hand side]`, shaped as `noise`: how far noise that is not white could pull the unknowns.
+    pub coloured: Vec<(String, Vec<f64>)>,
     /// What each right-hand side holds that the regressors do not model, as far as it can be estimated:
     /// `y = A theta + neglected + noise`. As long as `y`, or empty. It is left in `y`; the bias tells
     /// how far it pulls the unknowns.
@@ -128,6 +132,7 @@ impl Rows {
             cluster: Vec::new(),
             instruments: Vec::new(),
             noise: Vec::new(),
+            coloured: Vec::new(),
             neglected: Vec::new(),
             guessed: false,
             scale: Scale::Robust,
@@ -292,13 +297,13 @@ pub enum SolveError {
         /// The regression.
         regression: String,
     },
-    /// The solver ended in another state than solved.
-    #[error("{regression}: the conic solver stopped with {status}")]
-    Solver {
+    /// No allowed values of the unknowns explain the rows, so that the conic program has no usable solution.
+    #[error("{regression}: the data contradict the allowed signs and ranges of its unknowns{details}")]
+    Contradiction {
         /// The regression.
         regression: String,
-        /// What the solver says.
-        status: String,
+        /// Which unknowns or constraints, and what the rows alone would make of them.
+        details: String,
     },
     /// The simulated residuals are not finite even at the start.
     #[error("{regression}: the simulation diverges at the start values")]
@@ -321,6 +326,15 @@ pub struct Solution {
     /// rows neglect ([`Rows::neglected`]) pull it. Not subtracted from `theta` unless
     /// [`Options::correct`] asks for it; then what is left are guesses ([`Rows::guessed`]).
     pub bias: Vec<f64>,
+    /// Per channel, how far its noise could pull each unknown if it is not white, and if it is all that the residuals
+    /// have beyond white noise ([`Rows::coloured`]); empty where white noise explains the residuals. Only one of them
+    /// can be true.
+    pub coloured: Vec<(String, Vec<f64>)>,
+    /// The sandwich over clusters alone: without their correlation and the factor for small samples, and for L1 that of
+    /// least squares.
+    pub sandwich: DMatrix<f64>,
+    /// Degrees of freedom of the covariance: independent clusters of rows less the unknowns, at least 1.
+    pub degrees_of_freedom: f64,
     /// Share of sensor noise in what each unknown's regressor adds to the others, 0 to 1: near 1 there
     /// is no signal to learn from. Zeros where [`Rows::noise`] is not given.
     pub noise_share: Vec<f64>,
@@ -356,6 +370,15 @@ impl Solution {
 /// then the loss is minimised under the constraints as the module's table says. Groups with
 /// [`Rows::instruments`] are solved by [`instrument::solve`] instead; the loss then does not apply.
 pub fn solve(regression: &Regression, options: &Options) -> Result<Solution, SolveError> {
+    solve_within(regression, options).map_err(|error| match error {
+        SolveError::Contradiction { regression: name, .. } => {
+            SolveError::Contradiction { regression: name, details: contradiction::details(regression) }
+        }
+        other => other,
+    })
+}
+
+fn solve_within(regression: &Regression, options: &Options) -> Result<Solution, SolveError> {
     let unknowns = regression.unknowns.len();
     let rows: usize = regression.groups.iter().map(Rows::len).sum();
     let priors = regression.unknowns.iter().filter(|unknown| unknown.prior.is_some()).count();

@@ -16,7 +16,7 @@ pub struct Minimum {
     pub accuracy: super::Accuracy,
 }
 
-/// Minimises `1/2 |R z - d|^2 + g'z` over the feasible set: Clarabel, then [`polish`].
+/// Minimises `1/2 |R z - d|^2 + g'z` over the feasible set: directly where that is allowed, else Clarabel, then [`polish`].
 ///
 /// Clarabel sees a problem of unit size (`R` and `d` scaled to entries of at most one), because its
 /// tolerances are absolute near zero.
@@ -27,6 +27,14 @@ pub fn quadratic(name: &str, data: &Compressed, g: &[f64], feasible: &Feasible) 
     let unit = Compressed { r: &data.r / rate, d: &data.d / (rate * reach) };
     let slope: Vec<f64> = g.iter().map(|g| g / (rate * rate * reach)).collect();
     let feasible = feasible.shrunk(reach);
+    // Inside all bounds nothing needs a conic program: the minimiser without them is the minimiser.
+    if let Some(mut z) = equality_constrained(&unit, &slope, &[])
+        && feasible.holds(&z, -1e-9)
+    {
+        z.iter_mut().for_each(|z| *z *= reach);
+        let active = vec![false; feasible.half_spaces.len()];
+        return Ok(Minimum { z, active, accuracy: super::Accuracy::Solved });
+    }
     let mut program = Program::default();
     let z = program.add(g.len());
     let r = program.add(g.len());
@@ -52,8 +60,10 @@ pub fn quadratic(name: &str, data: &Compressed, g: &[f64], feasible: &Feasible) 
 pub fn polish(optimum: &Optimum, data: &Compressed, g: &[f64], feasible: &Feasible) -> Minimum {
     let n = g.len();
     let z = optimum.x[..n].to_vec();
-    let active: Vec<bool> =
-        optimum.non_negative[..feasible.half_spaces.len()].iter().map(|(slack, dual)| dual > slack).collect();
+    let active = optimum.non_negative[..feasible.half_spaces.len()]
+        .iter()
+        .map(|(slack, dual)| dual > slack || *slack < TOUCHING);
+    let active = active.collect();
     let raw = Minimum { z, active, accuracy: optimum.accuracy };
     if optimum.cone_margin.iter().any(|&margin| margin < 1e-5) {
         return raw;
@@ -68,28 +78,15 @@ pub fn polish(optimum: &Optimum, data: &Compressed, g: &[f64], feasible: &Feasib
     }
 }
 
+/// Slack of a half space that the optimum touches, in a program of unit size: copies of it share one multiplier, so that
+/// none of theirs need exceed it.
+const TOUCHING: f64 = 1e-8;
+
 /// Minimises `1/2 |R z - d|^2 + g'z` subject to `equations = 0`; `None` if singular.
 fn equality_constrained(data: &Compressed, g: &[f64], equations: &[&Affine]) -> Option<Vec<f64>> {
     let n = g.len();
-    let m = equations.len();
-    let (particular, basis) = if m == 0 {
-        (DVector::zeros(n), DMatrix::identity(n, n))
-    } else {
-        let mut e = DMatrix::zeros(n, m);
-        let mut rhs = DVector::zeros(m);
-        for (column, equation) in equations.iter().enumerate() {
-            equation.terms.iter().for_each(|&(index, factor)| e[(index, column)] += factor);
-            rhs[column] = -equation.constant;
-        }
-        // Full orthogonal basis: the first m columns span the equations, the others their null space.
-        let mut padded = DMatrix::zeros(n, n + m);
-        padded.view_mut((0, 0), (n, m)).copy_from(&e);
-        padded.view_mut((0, m), (n, n)).copy_from(&DMatrix::identity(n, n));
-        let q = padded.qr().q();
-        let range = q.columns(0, m);
-        let coefficients = (e.transpose() * range).lu().solve(&rhs)?;
-        (range * coefficients, q.columns(m, n - m).into_owned())
-    };
+    let (particular, basis) =
+        if equations.is_empty() { (DVector::zeros(n), DMatrix::identity(n, n)) } else { null_space(n, equations) };
     if basis.ncols() == 0 {
         return Some(particular.as_slice().to_vec());
     }
@@ -105,4 +102,56 @@ fn equality_constrained(data: &Compressed, g: &[f64], equations: &[&Affine]) -> 
     let w = triangle.solve_upper_triangular(&(reduced.q().transpose() * target - pull))?;
     let z = particular + basis * w;
     z.iter().all(|value| value.is_finite()).then(|| z.as_slice().to_vec())
+}
+
+/// A point on all equations and an orthonormal basis of the directions that stay on them.
+///
+/// More half spaces than unknowns may be active at a corner: an equation whose normal depends on those before it
+/// says nothing new, and is left out. (If it contradicts them, the point does not satisfy it, and the caller sees that.)
+fn null_space(n: usize, equations: &[&Affine]) -> (DVector<f64>, DMatrix<f64>) {
+    const DEPENDENT: f64 = 1e-9;
+    let mut point = DVector::zeros(n);
+    let mut normals: Vec<DVector<f64>> = Vec::new();
+    // Twice, because one pass of Gram-Schmidt leaves rounding errors of the size of what it removed.
+    let reduce = |normal: &mut DVector<f64>, against: &[DVector<f64>]| {
+        for _ in 0..2 {
+            against.iter().for_each(|other| normal.axpy(-other.dot(&*normal), other, 1.0));
+        }
+    };
+    for equation in equations {
+        let mut normal = DVector::zeros(n);
+        equation.terms.iter().for_each(|&(index, factor)| normal[index] += factor);
+        let size = normal.norm();
+        let full = normal.clone();
+        reduce(&mut normal, &normals);
+        if normal.norm() <= DEPENDENT * size || size == 0.0 {
+            continue;
+        }
+        normal /= normal.norm();
+        // Along the new direction only, so that the equations before still hold.
+        let missing = -equation.constant - full.dot(&point);
+        point.axpy(missing / full.dot(&normal), &normal, 1.0);
+        normals.push(normal);
+    }
+    let mut basis: Vec<DVector<f64>> = Vec::new();
+    let mut axes: Vec<usize> = (0..n).collect();
+    // Axes that the normals use least come first.
+    let used = |axis: usize| normals.iter().map(|normal| normal[axis] * normal[axis]).sum::<f64>();
+    axes.sort_by(|a, b| used(*a).total_cmp(&used(*b)));
+    let mut all = normals.clone();
+    for axis in axes {
+        if all.len() == n {
+            break;
+        }
+        let mut direction = DVector::zeros(n);
+        direction[axis] = 1.0;
+        reduce(&mut direction, &all);
+        if direction.norm() > 1e-6 {
+            direction /= direction.norm();
+            all.push(direction.clone());
+            basis.push(direction);
+        }
+    }
+    let basis = if basis.is_empty() { DMatrix::zeros(n, 0) } else { DMatrix::from_columns(&basis) };
+    (point, basis)
 }

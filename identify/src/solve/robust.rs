@@ -154,8 +154,10 @@ pub fn minimise(
         }
     };
     let mut at_bound = vec![false; scaled.unknowns];
+    let reach = 1e-9 * (1.0 + minimum.z.iter().fold(0.0, |most: f64, z| most.max(z.abs())));
     for ((row, active), bound_of) in feasible.half_spaces.iter().zip(&minimum.active).zip(&feasible.bound_of) {
-        if *active {
+        // Copies of a half space share its multiplier, so that none of them may look active.
+        if *active || row.at(&minimum.z) <= reach {
             match bound_of {
                 Some(index) => at_bound[*index] = true,
                 None => row.terms.iter().for_each(|&(index, _)| at_bound[index] = true),

@@ -119,6 +119,7 @@ pub(super) fn report<E: Estimator>(
             at_bound,
             verdict,
             start: Some(candidate.start),
+            ..Parameter::default()
         };
         if let Some(low) = bound[i] {
             let (side, limit) = if low { ("floor", candidate.range.0) } else { ("upper limit", candidate.range.1) };

@@ -37,7 +37,8 @@ fn request() -> FitRequest {
         ("human.com_height", "h"),
         ("human.gyration_radius", "rho"),
     ];
-    FitRequest { settings: settings.map(|(name, key)| (name.to_owned(), truth(key))).to_vec(), ..FitRequest::default() }
+    let settings = settings.map(|(name, key)| (name.to_owned(), truth(key))).to_vec();
+    FitRequest { settings, exact: true, ..FitRequest::default() }
 }
 
 fn run(log: &Log, request: &FitRequest) -> FitReport {

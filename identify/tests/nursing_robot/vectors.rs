@@ -97,7 +97,7 @@ fn weak_form_fits_match_the_reference() {
             assert_close(&format!("{what} scale"), solution.scales[0], fit["scale"].as_f64().unwrap(), 1e-6, 0.0);
             assert_close(&format!("{what} cond"), solution.condition_number, fit["cond"].as_f64().unwrap(), 1e-6, 0.0);
             for (j, expected) in numbers("se").into_iter().enumerate() {
-                let actual = solution.covariance[(j, j)].sqrt();
+                let actual = solution.sandwich[(j, j)].sqrt();
                 assert_close(&format!("{what} se{j}"), actual, expected, tolerance, 0.0);
             }
         }
@@ -134,12 +134,7 @@ fn refinement_matches_the_reference() {
     assert_close("cost", *solution.cost.last().unwrap(), cost, 1e-3, 0.0);
     for j in 0..7 {
         let (x, se) = (reference["x"][j].as_f64().unwrap(), reference["se"][j].as_f64().unwrap());
-        println!(
-            "{}: {} {x}, se {} {se}",
-            reference["names"][j],
-            solution.theta[j],
-            solution.covariance[(j, j)].sqrt()
-        );
+        println!("{}: {} {x}, se {} {se}", reference["names"][j], solution.theta[j], solution.sandwich[(j, j)].sqrt());
         assert_close(&reference["names"][j].to_string(), solution.theta[j], x, 1e-3, 1e-3);
     }
 }

@@ -71,8 +71,8 @@ fn rmse(log: &Log, out: &[Outputs]) -> f64 {
 /// Tyres fitted on a part of a log; unidentified ones stay.
 fn fitted(log: &Log, p: &Parameters) -> Parameters {
     let names: Vec<String> = Parameters::declare().into_iter().map(|v| v.name).collect();
-    let settings = names.into_iter().zip(p.to_vec()).collect();
-    let request = FitRequest { settings, ..FitRequest::default() };
+    let start = names.into_iter().zip(p.to_vec()).collect();
+    let request = FitRequest { start, exact: true, ..FitRequest::default() };
     let report = wheeled_robot::VEHICLE.fit(std::slice::from_ref(log), &request, &Progress::none()).unwrap();
     let mut p = p.clone();
     for (name, parameter) in report.parameters.iter().filter(|(_, q)| q.identified || q.at_bound) {

@@ -23,6 +23,8 @@ pub const PROBLEM: Problem = Problem { targets, estimate, validate };
 const PARTS: [(&str, &str); 3] = [("stiffness", "N.m/rad"), ("damping", "N.m.s/rad"), ("rest", "rad")];
 /// Largest standard deviation of the torques, as a share of their own spread, that still tells something.
 const BLUR: f64 = 0.5;
+/// Samples of which one is looked at where only differences between fits are looked for.
+const COARSE: usize = 8;
 /// Time over which the errors of the torques hang together, s.
 const CLUSTER: f64 = 0.25;
 
@@ -40,7 +42,14 @@ fn joints(logs: &[Log]) -> Vec<String> {
 fn targets(logs: &[Log]) -> Vec<Target> {
     let one = |joint: &String, (part, unit): (&str, &str)| {
         let range = if part == "rest" { (-10.0, 10.0) } else { (0.0, 1e5) };
-        Target { name: format!("{part}.{joint}"), unit: unit.to_owned(), range, usual: true }
+        Target {
+            name: format!("{part}.{joint}"),
+            unit: unit.to_owned(),
+            range,
+            usual: true,
+            optional: true,
+            contested: false,
+        }
     };
     joints(logs).iter().flat_map(|joint| PARTS.map(|part| one(joint, part))).collect()
 }
@@ -56,8 +65,8 @@ struct Joint<'a> {
 /// Per joint, in the order of [`JOINTS`], a series over one log.
 type Series = Vec<Vec<f64>>;
 
-/// Torques and their standard deviations of one log.
-fn torques(log: &Log, known: &Known, progress: &Progress) -> Result<(Series, Series), FitError> {
+/// Torques and their standard deviations of one log, NaN except at `every` so many samples.
+fn torques(log: &Log, known: &Known, every: usize, progress: &Progress) -> Result<(Series, Series), FitError> {
     let mut parameters: Parameters = known.parameters();
     let inputs = Inputs::declare();
     // a group of sensors is used if the log has all its columns, unless the user said otherwise
@@ -92,11 +101,15 @@ fn torques(log: &Log, known: &Known, progress: &Progress) -> Result<(Series, Ser
             progress.check()?;
             progress.reach(row as f64 / log.len() as f64);
         }
+        if row % every != 0 {
+            tau.iter_mut().chain(&mut std).for_each(|series| series.push(f64::NAN));
+            continue;
+        }
         for (slot, channel) in flat.iter_mut().zip(&channels) {
             *slot = channel.map_or(*slot, |values| values[row]);
         }
         sample.read(&flat);
-        let dt = if row == 0 { parameters.sample_period } else { log.time[row] - log.time[row - 1] };
+        let dt = if row == 0 { parameters.sample_period } else { log.time[row] - log.time[row - every] };
         let status = estimator.step(&sample, dt);
         estimator.outputs(&sample, 0.0, &mut outputs);
         let known = !status.contains(Status::SKIPPED);
@@ -126,8 +139,16 @@ fn collect<'a>(task: &Task<'a>) -> Result<Vec<(String, Vec<Joint<'a>>)>, FitErro
     let mut all: Vec<(String, Vec<Joint>)> = names.iter().map(|name| (name.clone(), vec![])).collect();
     for (index, log) in task.logs.iter().enumerate() {
         let own = names.iter().all(|name| log.channel(&format!("tau_{name}")).is_some());
-        let estimated =
-            if own { None } else { Some(torques(log, task.known, &task.progress.piece(index, task.logs.len()))?) };
+        let estimated = if own {
+            None
+        } else {
+            Some(torques(
+                log,
+                task.known,
+                if task.coarse { COARSE } else { 1 },
+                &task.progress.piece(index, task.logs.len()),
+            )?)
+        };
         for (k, (name, list)) in all.iter_mut().enumerate() {
             let (tau, std) = match &estimated {
                 Some((tau, std)) => (tau[k].clone(), std[k].clone()),

@@ -64,6 +64,14 @@ const SEATING: f64 = 0.015;
 /// kind differ by 10 to 30 %.
 const ROLLING_ERROR: f64 = 0.2;
 
+/// Slope of a floor that is taken as level, rad: buildings keep 5 mm in a metre. It is part of the rolling coefficient.
+const FLOOR_SLOPE: f64 = 0.005;
+/// Largest standard error of a rolling coefficient: what it is used for is the force on a floor as level as that.
+const ROLLING_LIMIT: f64 = 0.01;
+
+/// Windows that overlap where only differences between fits are looked for.
+const COARSE_OVERLAP: usize = 3;
+
 fn targets(_: &[Log]) -> Vec<Target> {
     let declared = Parameters::declare();
     let usual = PITCH.iter().chain(&ROLL).chain(&[ROLLING, EFFICIENCY]).map(|name| (*name, true));
@@ -81,14 +89,13 @@ pub(super) struct Windowed {
     signals: Signals,
     sway: ModulatingFunction,
     wheels_only: ModulatingFunction,
+    overlap: usize,
 }
 
 impl Windowed {
     fn windows<'a>(&'a self, psi: &'a ModulatingFunction, progress: Progress) -> Windows<'a> {
-        let stride = ((psi.len() - 1) / rows::OVERLAP).max(1);
-        // Roads, wind and people change slowly: a long log has 40 clusters, not thousands.
-        let cluster = rows::OVERLAP.max(self.signals.len() / stride / 40);
-        Windows { signals: &self.signals, psi, stride, cluster, progress }
+        let stride = ((psi.len() - 1) / self.overlap).max(1);
+        Windows { signals: &self.signals, psi, stride, cluster: self.overlap, progress }
     }
 
     pub(super) fn sway(&self, progress: Progress) -> Windows<'_> {
@@ -106,7 +113,8 @@ pub(super) fn windowed(task: &Task) -> Result<Vec<Windowed>, FitError> {
         let signals = signals::signals(log, task.known)?;
         let (sway, wheels_only) =
             (modulating_function(signals.period, 1.2, 4), modulating_function(signals.period, 2.0, 6));
-        Ok(Windowed { signals, sway, wheels_only })
+        let overlap = if task.coarse { COARSE_OVERLAP } else { rows::OVERLAP };
+        Ok(Windowed { signals, sway, wheels_only, overlap })
     };
     task.logs.iter().map(of).collect()
 }
@@ -207,6 +215,12 @@ fn angle() -> Judgement {
     Judgement { limits: Limits { absolute_error: Some(0.02), ..Limits::default() }, ..Judgement::default() }
 }
 
+/// A rolling coefficient holds what slope the floor has, or what bias the accelerometer.
+fn level_floor(systematic_std: f64) -> Judgement {
+    let limits = Limits { absolute_error: Some(ROLLING_LIMIT), ..Limits::default() };
+    Judgement { limits, systematic_std, ..Judgement::default() }
+}
+
 fn spring() -> Vec<Unknown> {
     vec![Unknown::within("k", 0.0, 5000.0), Unknown::within("c", 0.0, 500.0), Unknown::free("k phi_0")]
 }
@@ -221,7 +235,7 @@ fn pitch(
     for windows in over(logs, progress).filter(|windows| !windows.signals.pitch.is_empty()) {
         rows::pitch(&mut all, &windows, body);
     }
-    all.noise = noise::pitch(logs, body);
+    noise::pitch(&mut all, logs, body);
     let fit = session.solve(&regression("pitch", spring(), all), &PITCH)?;
     let Some(fit) = fit else { return Ok(None) };
     passive_joint(session, fit, PITCH);
@@ -241,7 +255,7 @@ fn roll(logs: &[Windowed], body: &Body, progress: &Progress, session: &mut Sessi
     for windows in over(logs, progress).filter(|windows| !windows.signals.roll.is_empty()) {
         rows::roll(&mut all, &windows, body);
     }
-    all.noise = noise::roll(logs, body);
+    noise::roll(&mut all, logs, body);
     if let Some(fit) = session.solve(&regression("roll", spring(), all), &ROLL)? {
         passive_joint(session, fit, ROLL);
     }
@@ -341,7 +355,7 @@ fn force_balance(
     let unknowns = if task.wants(EFFICIENCY) { Drive::RollingEfficiency } else { Drive::Rolling };
     let mut all = Rows::new("force balance", "N.s", unknowns.unknowns());
     over(logs, progress).for_each(|windows| rows::drive(&mut all, &windows, body, unknowns, false));
-    all.noise = noise::drive(logs, body, unknowns, false);
+    noise::drive(&mut all, logs, body, unknowns, false);
     let mut sought = vec![Unknown::within("f", 0.0, 0.1)];
     if unknowns == Drive::RollingEfficiency {
         sought.push(Unknown::within("eta", 0.5, 1.5));
@@ -349,7 +363,7 @@ fn force_balance(
     let Some(fit) = session.solve(&regression("force balance", sought, all), &[ROLLING, EFFICIENCY])? else {
         return Ok(());
     };
-    session.estimate(ROLLING, fit, |x| x[0]);
+    session.estimate_judged(ROLLING, fit, level_floor(if task.exact { 0.0 } else { FLOOR_SLOPE }), |x| x[0]);
     if unknowns == Drive::RollingEfficiency {
         session.estimate(EFFICIENCY, fit, |x| x[1]);
     }
@@ -372,7 +386,7 @@ fn mass(
     let accelerometer = use_accelerometer(task, logs);
     let mut all = Rows::new("force balance", "N.s", 2);
     over(logs, progress).for_each(|windows| rows::drive(&mut all, &windows, body, unknowns, accelerometer));
-    all.noise = noise::drive(logs, body, unknowns, accelerometer);
+    noise::drive(&mut all, logs, body, unknowns, accelerometer);
     let sought = vec![Unknown::within("f M", 0.0, f64::INFINITY), Unknown::within("m", 0.0, 1e5)];
     let parameters = [name, ROLLING];
     if !task.wants(ROLLING) {
@@ -381,9 +395,12 @@ fn mass(
     let fit = session.solve(&regression("force balance", sought, all), &parameters)?;
     let Some(fit) = fit else { return Ok(()) };
     session.estimate(name, fit, |x| x[1]);
-    let systematic_std = if accelerometer { ACCELEROMETER_BIAS / GRAVITY } else { 0.0 };
-    let judgement = Judgement { systematic_std, ..Judgement::default() };
-    session.estimate_judged(ROLLING, fit, judgement, |x| x[0] / (x[1] + other));
+    let systematic_std = match accelerometer {
+        _ if task.exact => 0.0,
+        true => ACCELEROMETER_BIAS / GRAVITY,
+        false => FLOOR_SLOPE,
+    };
+    session.estimate_judged(ROLLING, fit, level_floor(systematic_std), |x| x[0] / (x[1] + other));
     if accelerometer {
         session.note(format!(
             "the specific force accel_x was used, so slopes cancel; a constant bias of the accelerometer is part of \

@@ -3,21 +3,16 @@
 
 use super::Windowed;
 use super::rows::{Body, Drive, GRAVITY};
-use crate::problem::noise::{add_noise as add, noise_of as noise};
+use crate::problem::noise::{Part, noise_of as noise, tell_noise};
+use crate::solve::Rows;
 
 /// Weights of one sensor in every entry of `[row, right-hand side]`.
 type Weights = Vec<Vec<f64>>;
 
-/// Mean over the logs, weighted with their lengths.
-fn mean(logs: &[Windowed], size: usize, of: impl Fn(&Windowed) -> Option<Vec<f64>>) -> Vec<f64> {
-    let mut sum = vec![0.0; size * size];
-    let mut samples = 0.0;
-    for (log, covariance) in logs.iter().filter_map(|log| Some((log, of(log)?))) {
-        let weight = log.signals.len() as f64;
-        samples += weight;
-        sum.iter_mut().zip(&covariance).for_each(|(sum, value)| *sum += weight * value);
-    }
-    if samples > 0.0 { sum.iter().map(|value| value / samples).collect() } else { Vec::new() }
+/// Sets the rows' noise from the sensors' parts of every log.
+fn tell(rows: &mut Rows, logs: &[Windowed], of: impl Fn(&Windowed) -> Vec<Part>) {
+    let all = logs.iter().map(|log| (of(log), log.signals.period, log.signals.len() as f64));
+    tell_noise(rows, &all.filter(|(parts, ..)| !parts.is_empty()).collect::<Vec<_>>());
 }
 
 fn scaled(weights: &[f64], factor: f64) -> Vec<f64> {
@@ -29,30 +24,28 @@ fn sum(a: Vec<f64>, b: Vec<f64>) -> Vec<f64> {
 }
 
 /// `[k, c, k phi_0]` rows: `[psi, -psi', 0 | -(J psi'' - b g psi)]` on the angle, `b psi'` on the speed.
-fn joint(log: &Windowed, body: &Body, angle: &[f64], coupling: f64) -> Option<Vec<f64>> {
+fn joint(log: &Windowed, body: &Body, channel: &'static str, angle: &[f64], coupling: f64) -> Vec<Part> {
     if angle.is_empty() {
-        return None;
+        return Vec::new();
     }
     let [psi, psi1, psi2, _] = &log.sway.weights;
     let zero = scaled(psi, 0.0);
     let rhs = sum(scaled(psi2, -body.j), scaled(psi, body.b * GRAVITY));
-    let mut covariance = vec![0.0; 16];
-    add(&mut covariance, &[psi.clone(), scaled(psi1, -1.0), zero.clone(), rhs], noise(angle));
+    let on_angle = vec![psi.clone(), scaled(psi1, -1.0), zero.clone(), rhs];
     let on_speed = vec![zero.clone(), zero.clone(), zero, scaled(psi1, coupling)];
-    add(&mut covariance, &on_speed, noise(&log.signals.speed));
-    Some(covariance)
+    vec![(channel, on_angle, noise(angle)), ("speed", on_speed, noise(&log.signals.speed))]
 }
 
-pub(super) fn pitch(logs: &[Windowed], body: &Body) -> Vec<f64> {
-    mean(logs, 4, |log| joint(log, body, &log.signals.pitch, body.b))
+pub(super) fn pitch(rows: &mut Rows, logs: &[Windowed], body: &Body) {
+    tell(rows, logs, |log| joint(log, body, "tilt", &log.signals.pitch, body.b));
 }
 
-pub(super) fn roll(logs: &[Windowed], body: &Body) -> Vec<f64> {
-    mean(logs, 4, |log| joint(log, body, &log.signals.roll, 0.0))
+pub(super) fn roll(rows: &mut Rows, logs: &[Windowed], body: &Body) {
+    tell(rows, logs, |log| joint(log, body, "roll", &log.signals.roll, 0.0));
 }
 
-pub(super) fn drive(logs: &[Windowed], body: &Body, unknowns: Drive, accelerometer: bool) -> Vec<f64> {
-    mean(logs, unknowns.unknowns() + 1, |log| {
+pub(super) fn drive(rows: &mut Rows, logs: &[Windowed], body: &Body, unknowns: Drive, accelerometer: bool) {
+    tell(rows, logs, |log| {
         let signals = &log.signals;
         let [psi, psi1, _, _] = &log.sway.weights;
         let zero = scaled(psi, 0.0);
@@ -66,8 +59,6 @@ pub(super) fn drive(logs: &[Windowed], body: &Body, unknowns: Drive, acceleromet
         let rolling = scaled(psi, GRAVITY * slope);
         let rate = scaled(psi1, -1.0);
         let of_mass = |mass: f64| if accelerometer { zero.clone() } else { scaled(&rate, mass) };
-        let n = unknowns.unknowns() + 1;
-        let mut covariance = vec![0.0; n * n];
         let (on_speed, on_force, on_accel): (Weights, Weights, Weights) = match unknowns {
             Drive::Rolling | Drive::RollingEfficiency => {
                 let balance = sum(scaled(&rate, -body.rotating_mass), scaled(&of_mass(body.total_mass()), -1.0));
@@ -97,11 +88,10 @@ pub(super) fn drive(logs: &[Windowed], body: &Body, unknowns: Drive, acceleromet
                 )
             }
         };
-        add(&mut covariance, &on_speed, noise(&signals.speed));
-        add(&mut covariance, &on_force, noise(&signals.force));
+        let mut parts = vec![("speed", on_speed, noise(&signals.speed)), ("torque", on_force, noise(&signals.force))];
         if accelerometer {
-            add(&mut covariance, &on_accel, noise(&signals.accel));
+            parts.push(("accel_x", on_accel, noise(&signals.accel)));
         }
-        Some(covariance)
-    })
+        parts
+    });
 }

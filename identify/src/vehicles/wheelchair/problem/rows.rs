@@ -19,7 +19,7 @@
 //! steps in the accelerometer, `dx r'`, moves `IP` by the share `ML dx / IP` of that half sample.
 
 use super::signals::Signals;
-use crate::problem::noise::{add_noise, noise_of};
+use crate::problem::noise::{Part, noise_of, tell_noise};
 use crate::problem::weak_form::ModulatingFunction;
 use crate::solve::Rows;
 use wheelstate::model::wheelchair::Chair;
@@ -107,35 +107,38 @@ impl Windows {
         (row, self.psi.held_integral(start, |i| s.moment[i]) - chair.rotating_inertia * turning)
     }
 
-    /// What sensor noise alone makes of the two rows: their covariances with the right-hand sides.
-    fn noise(&self, chair: &Chair) -> [Vec<f64>; 2] {
+    /// What sensor noise alone makes of the two rows: the sensors' parts in them.
+    fn noise(&self, chair: &Chair) -> [Vec<Part>; 2] {
         let s = &self.signals;
         let [dx, dy, _] = chair.lever();
         let [psi, psi1, psi2, _] = &self.psi.weights;
         let scaled = |weights: &[f64], factor: f64| -> Vec<f64> { weights.iter().map(|w| factor * w).collect() };
-        let none = || vec![scaled(psi, 0.0); UNKNOWNS + 1];
-        let mut result = [vec![0.0; (UNKNOWNS + 1).pow(2)], vec![0.0; (UNKNOWNS + 1).pow(2)]];
-        let mut add = |which: usize, entries: &[(usize, Vec<f64>)], std: f64| {
-            let mut weights = none();
+        let part = |channel: &'static str, entries: &[(usize, Vec<f64>)], std: f64| -> Part {
+            let mut weights = vec![scaled(psi, 0.0); UNKNOWNS + 1];
             entries.iter().for_each(|(index, entry)| weights[*index].clone_from(entry));
-            add_noise(&mut result[which], &weights, std);
+            (channel, weights, std)
         };
         let (travel, heading) = (noise_of(&s.travel), noise_of(&s.heading));
-        add(0, &[(M, psi.clone())], noise_of(&s.ahead));
-        add(0, &[(D, scaled(psi1, -1.0)), (UNKNOWNS, scaled(psi2, -chair.rotating_mass))], travel);
-        add(0, &[(M, scaled(psi2, dy))], heading);
-        add(0, &[(UNKNOWNS, psi.clone())], noise_of(&s.force));
-        add(1, &[(ML, psi.clone())], noise_of(&s.left));
+        let on_travel = [(D, scaled(psi1, -1.0)), (UNKNOWNS, scaled(psi2, -chair.rotating_mass))];
         let on_heading = [
             (IP, psi2.clone()),
             (B, scaled(psi1, -1.0)),
             (ML, scaled(psi2, -dx)),
             (UNKNOWNS, scaled(psi2, -chair.rotating_inertia)),
         ];
-        add(1, &on_heading, heading);
         let held: Vec<f64> = self.psi.held.iter().copied().chain([0.0]).collect();
-        add(1, &[(UNKNOWNS, held)], noise_of(&s.moment));
-        result
+        let force = vec![
+            part("accel_x", &[(M, psi.clone())], noise_of(&s.ahead)),
+            part("encoders", &on_travel, travel),
+            part("encoders", &[(M, scaled(psi2, dy))], heading),
+            part("drive_force", &[(UNKNOWNS, psi.clone())], noise_of(&s.force)),
+        ];
+        let moment = vec![
+            part("accel_y", &[(ML, psi.clone())], noise_of(&s.left)),
+            part("encoders", &on_heading, heading),
+            part("drive_moment", &[(UNKNOWNS, held)], noise_of(&s.moment)),
+        ];
+        [force, moment]
     }
 }
 
@@ -153,13 +156,12 @@ pub fn groups(logs: &[Windows], chair: &Chair) -> Vec<Rows> {
             moment.push(&row, rhs, cluster);
         }
     }
-    let samples: f64 = logs.iter().map(|log| log.signals.len() as f64).sum();
     for (which, group) in [&mut force, &mut moment].into_iter().enumerate() {
-        group.noise = vec![0.0; (UNKNOWNS + 1).pow(2)];
-        for log in logs {
-            let share = log.signals.len() as f64 / samples;
-            group.noise.iter_mut().zip(&log.noise(chair)[which]).for_each(|(sum, value)| *sum += share * value);
-        }
+        let parts = logs.iter().map(|log| {
+            let [force, moment] = log.noise(chair);
+            (if which == 0 { force } else { moment }, log.signals.period, log.signals.len() as f64)
+        });
+        tell_noise(group, &parts.collect::<Vec<_>>());
     }
     vec![force, moment]
 }

@@ -45,7 +45,9 @@ const RANGES: [(f64, f64); 4] = [(LN_10, 7.0 * LN_10), (1.0, 2.2), (-LN_2 - LN_1
 const PRIOR_STD: [f64; 4] = [f64::INFINITY, 0.3, f64::INFINITY, 1.0];
 /// Largest standard error of an identified parameter, relative; of the curvature absolute.
 const RELATIVE: f64 = 0.1;
-const CURVATURE: f64 = 0.3;
+const CURVATURE: f64 = 0.4;
+/// Largest standard error of an identified parameter, relative, with all that is considered: sensors, known values.
+const LARGEST_ERROR: f64 = 0.2;
 /// Errors of the parameters that the filter considers, relative, and what stiffness and friction differ by from one drive
 /// to another with temperature, pressure, wear and road (one standard deviation).
 const WIDTHS: [(usize, &str, f64); 2] = [(0, "stiffness_std", 0.15), (2, "friction_std", 0.1)];
@@ -67,12 +69,13 @@ fn targets(_: &[Log]) -> Vec<Target> {
             let target = Target::declared(declared, &name(axle, parameter), true);
             let (low, high) = RANGES[parameter];
             let exponential = parameter == 0 || parameter == 2;
-            if exponential { target.within(low.exp(), high.exp()) } else { target.within(low, high) }
+            let target = if exponential { target.within(low.exp(), high.exp()) } else { target.within(low, high) };
+            if parameter == 0 { target } else { target.optional().contested() }
         })
     };
     let rolling = Target::declared(&declared, ROLLING, true).within(-0.2, 0.5);
     let width =
-        |axle: &str| WIDTHS.map(|(_, width, _)| Target::declared(&declared, &format!("tire.{axle}.{width}"), true));
+        |axle: &str| WIDTHS.map(|(_, w, _)| Target::declared(&declared, &format!("tire.{axle}.{w}"), true).optional());
     tire(0).chain(tire(1)).chain(AXLES.into_iter().flat_map(width)).chain([rolling]).collect()
 }
 
@@ -287,8 +290,12 @@ fn flattening(logs: &[Axles], axle: usize) -> f64 {
 fn record(axle: usize, free: [bool; 4], fit: Fitted, flattening: f64, pull: [f64; 2], session: &mut Session) {
     let stiffness = session.solution(fit).theta[0].exp();
     // Condition and correlation say little beside priors: standard errors judge.
-    let limits =
-        Limits { condition_number: f64::INFINITY, relative_error: RELATIVE, correlation: 1.1, ..Limits::default() };
+    let limits = Limits {
+        condition_number: f64::INFINITY,
+        relative_error: LARGEST_ERROR,
+        correlation: 1.1,
+        ..Limits::default()
+    };
     let judgement = |parameter: usize| {
         let absolute_error = (parameter == 3).then_some(CURVATURE);
         let systematic_std = match parameter {

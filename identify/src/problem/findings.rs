@@ -1,0 +1,321 @@
+//! What one estimation of a problem found, and the report of it.
+
+use super::{Judgement, Known, Target};
+use crate::assess::{Evidence, Verdict, verdict};
+use crate::result::{Contribution, CorrelationPair, Covariance, FitReport, Parameter, Verdict as Shade};
+use nalgebra::DMatrix;
+use std::collections::BTreeMap;
+
+/// One estimate with what is needed to judge it.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// FMU name.
+    pub name: String,
+    /// The estimate.
+    pub value: f64,
+    /// Standard deviation by noise; 1.96 of it are the 97.5 % quantile.
+    pub spread: f64,
+    /// Estimated bias by noise in the regressors and by what the regression neglects.
+    pub bias: f64,
+    /// How far noise that is not white could pull it, per channel.
+    pub coloured: Vec<(String, f64)>,
+    /// Limits and what the machine adds.
+    pub judgement: Judgement,
+    /// Whether it, or an unknown that it is made of, sits at a bound.
+    pub at_bound: bool,
+    /// Largest share of noise in its regressors.
+    pub noise_share: f64,
+    /// Largest correlation with another parameter of its regression.
+    pub correlation: f64,
+    /// Condition number of its regression.
+    pub condition_number: f64,
+}
+
+impl Found {
+    /// Standard error of what this log alone makes of it: without causes that all logs share.
+    pub fn own_error(&self) -> f64 {
+        self.spread.hypot(self.bias).hypot(self.worst_colour().map_or(0.0, |(_, pull)| pull))
+    }
+
+    fn worst_colour(&self) -> Option<(&str, f64)> {
+        let all = self.coloured.iter().map(|(channel, pull)| (channel.as_str(), pull.abs()));
+        all.max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
+/// All that was found.
+#[derive(Clone, Debug)]
+pub struct Findings {
+    /// The estimates.
+    pub found: Vec<Found>,
+    /// Their covariance by noise.
+    pub covariance: DMatrix<f64>,
+    /// What was not found, with the reasons.
+    pub given_up: BTreeMap<String, String>,
+    /// Warnings.
+    pub warnings: Vec<String>,
+    /// Notes.
+    pub notes: Vec<String>,
+    /// Rows used.
+    pub rows: usize,
+    /// The worst condition number.
+    pub condition_number: f64,
+    /// Whether a conic program was solved to reduced accuracy only.
+    pub almost: bool,
+    /// Whether the bias was subtracted.
+    pub corrected: bool,
+}
+
+/// What one considered cause does to the estimates: one value per estimate, for one standard deviation.
+#[derive(Clone, Debug)]
+pub struct Effect {
+    /// The cause.
+    pub cause: String,
+    /// The effects, in the order of [`Findings::found`].
+    pub shift: Vec<f64>,
+}
+
+impl Findings {
+    /// The estimate of a parameter.
+    pub fn get(&self, name: &str) -> Option<&Found> {
+        self.found.iter().find(|found| found.name == name)
+    }
+
+    /// Names and values.
+    pub fn values(&self) -> impl Iterator<Item = (&str, f64)> {
+        self.found.iter().map(|found| (found.name.as_str(), found.value))
+    }
+
+    /// Standard error of each estimate with everything that is known of.
+    pub fn errors(&self, effects: &[Effect]) -> Vec<f64> {
+        let of = |(index, found): (usize, &Found)| {
+            let considered: f64 = effects.iter().map(|effect| effect.shift[index].powi(2)).sum();
+            found.own_error().hypot(found.judgement.systematic_std).hypot(considered.sqrt())
+        };
+        self.found.iter().enumerate().map(of).collect()
+    }
+
+    /// Why an estimate is not identified; nothing if it is.
+    fn reasons(&self, index: usize, std_error: f64, largest: Option<&Contribution>, doubts: &[String]) -> Vec<String> {
+        let found = &self.found[index];
+        let evidence = Evidence {
+            value: found.judgement.size.unwrap_or(found.value),
+            std_error,
+            at_bound: found.at_bound,
+            correlation: found.correlation,
+            noise_share: found.noise_share,
+            condition_number: found.condition_number,
+        };
+        let mut reasons = match verdict(&evidence, &found.judgement.limits) {
+            Verdict::Identified => Vec::new(),
+            Verdict::Unidentified(reasons) => reasons,
+        };
+        if let (Some(large), Some(cause)) =
+            (reasons.iter_mut().find(|r| r.starts_with("standard error")), largest.filter(|c| c.cause != "noise"))
+        {
+            large.push_str(&format!(", most of it by the {}", cause.cause));
+        }
+        reasons.extend(doubts.iter().cloned());
+        reasons
+    }
+
+    /// The causes of an estimate's uncertainty, the largest first.
+    fn contributions(&self, index: usize, effects: &[Effect]) -> Vec<Contribution> {
+        let found = &self.found[index];
+        let mut all = vec![
+            Contribution { cause: "noise".to_owned(), std: found.spread },
+            Contribution {
+                cause: "bias by noise in the regressors and by what they neglect".to_owned(),
+                std: found.bias.abs(),
+            },
+            Contribution {
+                cause: "systematic error that the fit of this machine allows for".to_owned(),
+                std: found.judgement.systematic_std,
+            },
+        ];
+        if let Some((channel, pull)) = found.worst_colour() {
+            all.push(Contribution { cause: format!("noise of {channel} if it is not white"), std: pull });
+        }
+        all.extend(effects.iter().map(|e| Contribution { cause: e.cause.clone(), std: e.shift[index].abs() }));
+        all.retain(|contribution| contribution.std > 0.0);
+        all.sort_by(|a, b| b.std.total_cmp(&a.std));
+        all
+    }
+
+    /// The report of everything but logs, settings and validation. `doubts` are further reasons against estimates;
+    /// a parameter that is optional and was not asked for by name is no warning if it was not found.
+    pub fn report(
+        &self,
+        effects: &[Effect],
+        doubts: &BTreeMap<String, Vec<String>>,
+        targets: &[Target],
+        known: &Known,
+        asked: bool,
+    ) -> FitReport {
+        let mut report =
+            FitReport { warnings: self.warnings.clone(), notes: self.notes.clone(), ..FitReport::default() };
+        report.notes.extend(self.note_on_bias());
+        let errors = self.errors(effects);
+        let mut mostly: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+        for (index, found) in self.found.iter().enumerate() {
+            let Some(target) = targets.iter().find(|target| target.name == found.name) else { continue };
+            let std_error = errors[index];
+            let contributions = self.contributions(index, effects);
+            let largest = contributions.first().cloned();
+            let doubted = |name: &str| doubts.get(name).map_or(&[][..], Vec::as_slice);
+            // A standard deviation that is fitted along has in it all that is considered of its parameter, and is worth as
+            // much as that.
+            let of = found.name.strip_suffix("_std").and_then(|base| self.found.iter().position(|f| f.name == base));
+            let reasons = match of {
+                None => self.reasons(index, std_error, largest.as_ref(), doubted(&found.name)),
+                Some(base) if self.reasons(base, errors[base], None, doubted(&self.found[base].name)).is_empty() => {
+                    Vec::new()
+                }
+                Some(base) => vec![format!("{} is not identified", self.found[base].name)],
+            };
+            let considered = |of: usize| effects.iter().map(|effect| effect.shift[of].powi(2)).sum::<f64>().sqrt();
+            // Of a state at the start it is absolute, else a share of the parameter.
+            let size =
+                |base: usize| if found.name.starts_with("initial.") { 1.0 } else { self.found[base].value.abs() };
+            let value = of.map_or(found.value, |base| found.value.hypot(considered(base) / size(base)));
+            // Seen, but not well enough, by a log without the manoeuvre that shows it.
+            let kept = target.optional && !asked && !found.at_bound && doubted(&found.name).is_empty();
+            let shade = match reasons.is_empty() {
+                true => Shade::Identified,
+                false if found.at_bound => Shade::AtBound,
+                false if kept => Shade::PriorOnly,
+                false if std_error < found.judgement.size.unwrap_or(found.value).abs() => Shade::Weak,
+                false => Shade::NotIdentifiable,
+            };
+            if let Some(cause) = largest.as_ref().filter(|c| c.std > found.spread && c.cause != "noise") {
+                mostly.entry(cause.cause.clone()).or_default().push(&found.name);
+            }
+            if !reasons.is_empty() {
+                let text = format!("{} is not identified: {}", found.name, reasons.join("; "));
+                if kept {
+                    report.notes.push(format!("{text}; it keeps its known value"));
+                } else {
+                    report.warnings.push(text);
+                }
+            }
+            let half = 1.96 * std_error;
+            let parameter = Parameter {
+                value,
+                unit: target.unit.clone(),
+                std_error,
+                sampling_std: found.spread.hypot(found.bias),
+                ci95: [value - half, value + half],
+                identified: reasons.is_empty(),
+                at_bound: found.at_bound,
+                verdict: shade,
+                start: known.find(&found.name),
+                contributions: contributions.into_iter().take(4).collect(),
+                ..Parameter::default()
+            };
+            report.parameters.insert(found.name.clone(), parameter);
+        }
+        for (cause, names) in mostly {
+            report.notes.push(format!("largest part of the uncertainty is the {cause}: {}", names.join(", ")));
+        }
+        report.notes.extend(self.combinations(&report));
+        let some = report.parameters.values().any(|parameter| parameter.identified);
+        if !some {
+            report
+                .parameters
+                .values_mut()
+                .filter(|p| p.verdict == Shade::PriorOnly)
+                .for_each(|p| p.verdict = Shade::Weak);
+        }
+        for (name, reason) in &self.given_up {
+            let Some(target) = targets.iter().find(|target| target.name == *name) else { continue };
+            let optional = target.optional && !asked && some;
+            let text = format!("{name} is not identified: {reason}");
+            if optional {
+                report.notes.push(format!("{text}; it keeps its known value"));
+            } else {
+                report.warnings.push(text);
+            }
+            let parameter = Parameter {
+                value: f64::NAN,
+                unit: target.unit.clone(),
+                std_error: f64::NAN,
+                sampling_std: f64::NAN,
+                ci95: [f64::NAN; 2],
+                identified: false,
+                verdict: if optional { Shade::PriorOnly } else { Shade::NotIdentifiable },
+                start: known.find(name),
+                ..Parameter::default()
+            };
+            report.parameters.insert(name.clone(), parameter);
+        }
+        report.condition_number = self.condition_number;
+        report.windows_used = self.rows;
+        report.solver_status = match (self.found.is_empty(), self.almost) {
+            (true, _) => "not run",
+            (false, true) => "AlmostSolved",
+            (false, false) => "Solved",
+        }
+        .to_owned();
+        self.covariance_into(&mut report, effects, &errors);
+        report
+    }
+
+    /// What the data do say of a parameter that is not identified: its sum with a multiple of the one that noise tells it
+    /// apart from worst.
+    fn combinations(&self, report: &FitReport) -> Vec<String> {
+        const ENTANGLED: f64 = 0.9;
+        let c = &self.covariance;
+        let correlation = |i: usize, j: usize| c[(i, j)] / (c[(i, i)] * c[(j, j)]).sqrt();
+        let open = |found: &Found| report.parameters.get(&found.name).is_some_and(|p| !p.identified) && !found.at_bound;
+        let of = |(i, found): (usize, &Found)| {
+            let others = (0..self.found.len()).filter(|j| *j != i && correlation(i, *j).is_finite());
+            let j = others.max_by(|a, b| correlation(i, *a).abs().total_cmp(&correlation(i, *b).abs()))?;
+            let rho = correlation(i, j);
+            let (factor, other) = (-c[(i, j)] / c[(j, j)], &self.found[j]);
+            let (value, std) = (found.value + factor * other.value, (c[(i, i)] * (1.0 - rho * rho)).max(0.0).sqrt());
+            let sign = if factor < 0.0 { '-' } else { '+' };
+            (rho.abs() > ENTANGLED && std < 0.3 * value.abs()).then(|| {
+                let factor = factor.abs();
+                format!("determined is {} {sign} {factor:.3e} {} = {value:.4} +- {std:.2}", found.name, other.name)
+            })
+        };
+        self.found.iter().enumerate().filter(|(_, found)| open(found)).filter_map(of).collect()
+    }
+
+    /// Which estimates are mostly biased, if the user may have that subtracted.
+    fn note_on_bias(&self) -> Option<String> {
+        let biased = self.found.iter().filter(|found| found.bias.abs() > found.spread);
+        let biased: Vec<_> = biased.map(|found| format!("{} by about {:.2e}", found.name, found.bias)).collect();
+        (!self.corrected && !biased.is_empty())
+            .then(|| format!("biased beyond chance: {} (--correct subtracts what is known of it)", biased.join(", ")))
+    }
+
+    /// The covariance with all that is considered, and the pair that noise alone tells apart worst.
+    fn covariance_into(&self, report: &mut FitReport, effects: &[Effect], errors: &[f64]) {
+        let n = self.found.len();
+        if n == 0 {
+            return;
+        }
+        let entry = |i: usize, j: usize| {
+            if i == j {
+                return errors[i] * errors[i];
+            }
+            let together: f64 = effects.iter().map(|effect| effect.shift[i] * effect.shift[j]).sum();
+            let bias = if self.covariance[(i, j)] == 0.0 { 0.0 } else { self.found[i].bias * self.found[j].bias };
+            self.covariance[(i, j)] + bias + together
+        };
+        let pair = (0..n).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| {
+            let c = &self.covariance;
+            let correlation = c[(i, j)] / (c[(i, i)] * c[(j, j)]).sqrt();
+            (i, j, if correlation.is_finite() { correlation } else { 0.0 })
+        });
+        report.correlation_worst_pair =
+            pair.max_by(|a, b| a.2.abs().total_cmp(&b.2.abs())).map(|(i, j, correlation)| CorrelationPair {
+                parameters: [self.found[j].name.clone(), self.found[i].name.clone()],
+                correlation,
+            });
+        let matrix = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
+        let parameters = self.found.iter().map(|found| found.name.clone()).collect();
+        report.covariance = Some(Covariance { parameters, matrix });
+    }
+}
