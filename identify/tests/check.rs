@@ -400,6 +400,18 @@ fn runs_that_share_a_file_are_a_note_and_no_alarm() {
     assert!(found.iter().any(|finding| finding.code == "time-gap" && finding.message.contains("2 runs")));
 }
 
+/// A logger that starts at 0 and gets the time of day later: even steps over that would fill any memory.
+#[test]
+fn a_clock_that_was_set_while_recording_is_refused() {
+    for vehicle in vehicles::ALL {
+        let mut log = simulated(vehicle, vehicle.simulation.scenarios[0].name, 8, &[]);
+        let half = log.len() / 2;
+        log.time[half..].iter_mut().for_each(|t| *t += 1.7e9);
+        let found = serious(vehicle, &log, &[]);
+        assert!(found.iter().any(|f| f.code == "time-gap" && f.severity == Severity::Refusal), "{vehicle}: {found:#?}");
+    }
+}
+
 /// What only the fit of the wheeled robot reads is no misspelt input.
 #[test]
 fn a_column_map_may_name_what_only_the_fit_reads() {

@@ -205,7 +205,7 @@ fn one(subject: &Subject, log: &Log, channel: &Channel, variable: Option<&Variab
         let share = 100.0 * profile.samples as f64 / values.len() as f64;
         let message = format!("has samples at {share:.0} % of the times only, each alone between missing ones");
         let what = format!("a column map carries them over: {name} = {{ column = \"...\", between = \"linear\" }}");
-        found.push(finding(log, "sparse-channel", severity, name).says(message, what));
+        found.push(finding(log, "sparse-channel", Severity::Warning, name).says(message, what));
         return found;
     }
     if is_command(variable) {

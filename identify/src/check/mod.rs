@@ -85,7 +85,7 @@ pub fn check(subject: &Subject, log: &Log) -> Vec<Finding> {
     let mut findings = time::check(subject, log);
     findings.extend(channel::check(subject, log));
     // With a wrong clock every slope is wrong: it would only be said again in other words.
-    if findings.iter().all(|finding| finding.code != time::PERIOD) {
+    if findings.iter().all(|finding| finding.channel != "time" || finding.severity < Severity::Refusal) {
         let spoilt: Vec<String> =
             findings.iter().filter(|f| f.severity >= Severity::Warning).map(|f| f.channel.clone()).collect();
         let signals = Signals::new(subject, log);

@@ -3,13 +3,13 @@
 use super::{Finding, Severity, Subject, finding, short};
 use crate::log::Log;
 
-/// Code of a sample period that cannot be used.
-pub(super) const PERIOD: &str = "period-out-of-range";
 /// A pause counts as a gap from so many periods, and from so long, s, about a window of a fit: shorter ones are harmless
 /// but for their number. One that is longer than a machine's pauses separates runs that share a file.
 const GAP_PERIODS: f64 = 5.0;
 const SHORTEST_GAP: f64 = 1.0;
 const BETWEEN_RUNS: f64 = 10.0;
+/// Even steps over a log may not be more than so many times its samples: the clock was set while it was recorded.
+const STRETCHED: f64 = 50.0;
 /// Scatter of the stamps about an even clock, in periods, that moves what is derived from positions.
 const SCATTER: f64 = 0.1;
 /// Share of the log that may be lost.
@@ -43,7 +43,7 @@ fn range(subject: &Subject, log: &Log, period: f64) -> Option<Finding> {
     let rate = |(_, factor): &&(&str, f64)| (RATES.0..=RATES.1).contains(&(1.0 / (period * factor)));
     let unit = UNITS.iter().find(rate);
     let allowed = format!("{} to {} s", short(declared.0), short(slowest));
-    let finding = finding(log, PERIOD, Severity::Refusal, "time");
+    let finding = finding(log, "period-out-of-range", Severity::Refusal, "time");
     let message = format!("the samples are {} s apart (median), but this fit needs {allowed}", short(period));
     Some(match unit {
         Some((unit, factor)) => {
@@ -60,6 +60,12 @@ fn gaps(log: &Log, period: f64) -> Option<Finding> {
     let longest = (GAP_PERIODS * period).max(SHORTEST_GAP);
     let pauses: Vec<(f64, f64)> =
         log.time.windows(2).map(|pair| (pair[0], pair[1] - pair[0])).filter(|(_, step)| *step > 1.5 * period).collect();
+    if log.duration() > STRETCHED * period * log.len() as f64 {
+        let (at, step) = pauses.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let message = format!("the time jumps by {} s, and the log has {} samples only", short(step), log.len());
+        let what = "the clock seems to have been set while it was recorded: cut the log there";
+        return Some(finding(log, "time-gap", Severity::Refusal, "time").at(at).says(message, what));
+    }
     let (between, pauses): (Vec<_>, Vec<_>) =
         pauses.into_iter().partition(|(_, step)| *step > BETWEEN_RUNS.max(longest));
     let lost: f64 = pauses.iter().map(|(_, step)| step - period).sum();
