@@ -158,7 +158,9 @@ fn columns(file: &str, row: Row<'_>, line: u64, source: &Source, dialect: &Diale
         let name = source.decode(cell);
         let name = name.trim();
         let name = name.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).unwrap_or(name);
-        let title = if name.is_empty() { format!("column_{}", index + 1) } else { name.to_owned() };
+        // Spreadsheets break names over several lines.
+        let name = name.split(char::is_control).collect::<Vec<_>>().join(" ");
+        let title = if name.is_empty() { format!("column_{}", index + 1) } else { name };
         columns.push(Reading { title, unit: None, kind: Kind::Unknown, values: Vec::new(), text: None });
     }
     if row.iter().all(|cell| !cell.is_empty() && dialect.cells.is_value(cell)) {
