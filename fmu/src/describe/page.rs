@@ -1,5 +1,5 @@
 //! `documentation/index.html` of a model: what a person opens who has the FMU in a tool. Drawn and written from the
-//! declared variables and from the [guide](super::guide); readable without scripts, in light and in dark.
+//! declared variables and from the [guide]; readable without scripts, in light and in dark.
 
 use super::description;
 use super::guide::{self, Guide};

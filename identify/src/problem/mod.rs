@@ -9,7 +9,7 @@
 //! use wheelstate::Variables;
 //! use wheelstate::estimator::wheelchair::Parameters;
 //! use wheelstate_identify::log::{Channel, Log};
-//! use wheelstate_identify::problem::{FitError, FitRequest, Problem, Session, Target, Task, fit};
+//! use wheelstate_identify::problem::{Declared, FitError, FitRequest, Problem, Session, Target, Task, fit};
 //! use wheelstate_identify::progress::Progress;
 //! use wheelstate_identify::solve::{Affine, Constraint, Regression, Rows, Unknown};
 //!
@@ -53,7 +53,8 @@
 //!     time: time.clone(),
 //!     ..Log::default()
 //! };
-//! let report = fit(&problem, "chair", Parameters::declare(), &[log], &FitRequest::default(), &Progress::none())?;
+//! let declared = Declared { parameters: Parameters::declare(), inputs: vec![] };
+//! let report = fit(&problem, "chair", &declared, &[log], &FitRequest::default(), &Progress::none())?;
 //! let mass = &report.parameters["chair.mass"];
 //! assert!(mass.identified && (mass.value - 90.0).abs() < 0.5);
 //! # Ok::<(), FitError>(())
