@@ -3,7 +3,7 @@
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use wheelstate::filter::sliding_mode::{ForcedMotion, Knowledge, SlidingMode, SlidingModeState};
+use wheelstate::filter::sliding_mode::{Adaptation, ForcedMotion, Knowledge, SlidingMode, SlidingModeState};
 
 /// `J w' = T - R F`
 struct Wheel;
@@ -123,4 +123,22 @@ fn independent_causes_add_up_in_squares() {
     assert!(parts.iter().all(|part| *part > 0.0), "{parts:?}");
     let sum = parts.iter().map(|part| part * part).sum::<f64>().sqrt();
     assert!((of(3.0, all) - sum).abs() < 1e-9 * sum);
+}
+
+/// `eps <- clip(eps + dt gamma |s| (+1 if |s| > dead zone else -1), least, greatest)`
+#[test]
+fn the_amplitude_grows_with_an_error_beyond_the_dead_zone_and_shrinks_within() {
+    let law = Adaptation { rate: 50.0, dead_zone: 0.1, least: 1.0, greatest: 3.0 };
+    let observer = SlidingMode { amplitude: 2.0, adaptation: Some(law), ..observer(false) };
+    let after = |error: f64, amplitude: f64| {
+        let mut state = SlidingModeState { speed: 10.0, started: true, amplitude, ..observer.start() };
+        observer.step(&Wheel, &mut state, 10.0 + error, 0.0, DT);
+        state.amplitude
+    };
+    for (error, expected) in
+        [(0.4, 2.0 + DT * 50.0 * 0.4), (-0.4, 2.0 + DT * 50.0 * 0.4), (0.05, 2.0 - DT * 50.0 * 0.05)]
+    {
+        assert!((after(error, 2.0) - expected).abs() < 1e-12, "{error}: {}", after(error, 2.0));
+    }
+    assert_eq!((after(5.0, 2.95), after(0.09, 1.001)), (3.0, 1.0), "within its limits");
 }

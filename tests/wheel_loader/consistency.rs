@@ -56,3 +56,36 @@ fn soft_tyres_and_a_rough_tyre_model_widen_the_unknowns_by_what_they_can_do() {
         / (loader.wheelbase * p.model_error.tire_stiffness * radius);
     close("lambda", added(soft.cg_ratio, ratio), learnt[2], ratio.value * (1.0 - ratio.value) * transfer);
 }
+
+#[test]
+fn without_data_no_standard_deviation_falls_below_its_least_one() {
+    let mut p = Parameters::default();
+    let initial = &mut p.initial;
+    (initial.slip_stiffness_std, initial.cg_height_std, initial.cg_ratio_std) = (0.1, 0.005, 0.002);
+    let least = &mut p.filter.minimum_std;
+    (least.slip_stiffness, least.cg_height, least.cg_ratio) = (0.2, 0.2, 0.2);
+    let mut estimator = WheelLoader::new(&p).unwrap();
+    let std = |estimator: &WheelLoader| [3, 4, 5].map(|i| estimator.state().machine.belief.std(i));
+    assert!(std(&estimator).iter().all(|std| *std < 0.02), "far below at the start: {:?}", std(&estimator));
+    for inputs in drive(5.0, 3.0, 3, |_, _| 0.0) {
+        estimator.step(&inputs, 0.01);
+    }
+    assert!(std(&estimator).iter().all(|std| (0.18..0.35).contains(std)), "in logit units: {:?}", std(&estimator));
+}
+
+/// The load ratio is that of the forces that act now, not that of a machine at rest.
+#[test]
+fn accelerating_takes_load_off_the_front_axle() {
+    let inputs = drive(4.0, 2.0, 4, |_, _| 3000.0);
+    let (mut estimator, mut seen) = (WheelLoader::new(&Parameters::default()).unwrap(), Vec::new());
+    for inputs in &inputs {
+        estimator.step(inputs, 0.01);
+        seen.push(out(&estimator, inputs));
+    }
+    let last = seen.last().unwrap();
+    let acceleration = (inputs[399].speed - inputs[299].speed) / 1.0;
+    let Parameters { loader, .. } = Parameters::default();
+    let shift = acceleration / 9.80665 * last.cg_height.value / loader.wheelbase;
+    let lost = last.cg_ratio.value - last.load_ratio.value;
+    assert!(shift > 0.02 && (lost / shift - 1.0).abs() < 0.2, "{lost} of the load instead of {shift}");
+}

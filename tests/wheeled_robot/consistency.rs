@@ -247,3 +247,40 @@ fn a_torque_that_was_never_set_is_no_torque_of_zero() {
         assert!(o.diagnostics.healthy);
     }
 }
+
+/// Under held torques the speed goes on as Newton has it.
+#[test]
+fn the_speed_at_a_horizon_follows_the_forces() {
+    let p = parameters(Channels::WheelSpeed);
+    let (mass, radius, torque) = (60.0, 0.15, 1.5);
+    let mut estimator = WheeledRobot::new(&p).unwrap();
+    let spinning = 4.0 * 0.06 / (radius * radius);
+    let acceleration = 4.0 * torque / radius / (mass + spinning);
+    let mut inputs = Inputs::default();
+    for k in 0..300 {
+        let speed = 2.0 + acceleration * DT * f64::from(k);
+        inputs = Inputs {
+            steering_angle: 0.0,
+            drive_torque_fl: torque,
+            drive_torque_fr: torque,
+            drive_torque_rl: torque,
+            drive_torque_rr: torque,
+            accel_x: acceleration,
+            accel_y: 0.0,
+            gyro_z: 0.0,
+            speed,
+            ..Inputs::default()
+        };
+        each_wheel(&mut inputs, |_| speed / radius);
+        estimator.step(&inputs, DT);
+    }
+    let at = |horizon: f64| {
+        let mut outputs = Outputs::default();
+        estimator.outputs(&inputs, horizon, &mut outputs);
+        outputs.speed_x.value
+    };
+    for horizon in [0.02, 0.2] {
+        let (gained, expected) = (at(horizon) - at(0.0), acceleration * horizon);
+        assert!((gained / expected - 1.0).abs() < 0.15, "{horizon} s: {gained} m/s instead of {expected}");
+    }
+}
