@@ -64,13 +64,16 @@ fn without_data_no_standard_deviation_falls_below_its_least_one() {
     (initial.slip_stiffness_std, initial.cg_height_std, initial.cg_ratio_std) = (0.1, 0.005, 0.002);
     let least = &mut p.filter.minimum_std;
     (least.slip_stiffness, least.cg_height, least.cg_ratio) = (0.2, 0.2, 0.2);
-    let mut estimator = WheelLoader::new(&p).unwrap();
-    let std = |estimator: &WheelLoader| [3, 4, 5].map(|i| estimator.state().machine.belief.std(i));
-    assert!(std(&estimator).iter().all(|std| *std < 0.02), "far below at the start: {:?}", std(&estimator));
-    for inputs in drive(5.0, 3.0, 3, |_, _| 0.0) {
-        estimator.step(&inputs, 0.01);
+    for radii in [Radii::Estimated, Radii::Fixed] {
+        p.filter.radii = radii;
+        let mut estimator = WheelLoader::new(&p).unwrap();
+        let std = |estimator: &WheelLoader| [3, 4, 5].map(|i| estimator.state().machine.belief.std(i));
+        assert!(std(&estimator).iter().all(|std| *std < 0.02), "far below at the start: {:?}", std(&estimator));
+        for inputs in drive(5.0, 3.0, 3, |_, _| 0.0) {
+            estimator.step(&inputs, 0.01);
+        }
+        assert!(std(&estimator).iter().all(|std| (0.18..0.35).contains(std)), "logit units: {:?}", std(&estimator));
     }
-    assert!(std(&estimator).iter().all(|std| (0.18..0.35).contains(std)), "in logit units: {:?}", std(&estimator));
 }
 
 /// The load ratio is that of the forces that act now, not that of a machine at rest.
