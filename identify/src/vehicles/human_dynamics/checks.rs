@@ -43,8 +43,8 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     let mut all = Vec::new();
     for joint in joints {
         for (what, rate, of) in [
-            ("joint velocity against the slope of the angle", "qd_", "q_"),
-            ("joint acceleration against the slope of the velocity", "qdd_", "qd_"),
+            ("joint velocity compared with the derivative of the angle", "qd_", "q_"),
+            ("joint acceleration compared with the derivative of the velocity", "qdd_", "qd_"),
         ] {
             let (rate, of) = (format!("{rate}{joint}"), format!("{of}{joint}"));
             if let (Some(y), Some(x)) = (signals.term(&rate, 0), signals.term(&of, 1)) {

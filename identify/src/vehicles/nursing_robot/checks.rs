@@ -32,8 +32,8 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     let total = mass + signals.known.get("human.nominal_mass") + signals.known.get("robot.rotating_mass");
     let mut all = Vec::new();
     for (what, angle, rate) in [
-        ("tilt_rate against the slope of tilt", "tilt", "tilt_rate"),
-        ("roll_rate against the slope of roll", "roll", "roll_rate"),
+        ("tilt_rate compared with the derivative of tilt", "tilt", "tilt_rate"),
+        ("roll_rate compared with the derivative of roll", "roll", "roll_rate"),
     ] {
         if let (Some(y), Some(x)) = (signals.term(rate, 0), signals.term(angle, 1)) {
             all.push(Relation {
@@ -48,7 +48,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         }
     }
     if let (Some(y), Some(x)) = (signals.term("accel_x", 0), signals.term("speed", 1)) {
-        let what = "accel_x against the slope of the speed";
+        let what = "accel_x compared with the derivative of the speed";
         all.push(Relation {
             what,
             y: y.late(),
@@ -68,7 +68,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         (None, angle) => angle,
     };
     if let (Some(y), Some(x), Some(rolling)) = (force, signals.term("speed", 1), rolling) {
-        let what = "drive force against the slope of the speed";
+        let what = "drive force compared with the derivative of the speed";
         let x: Vec<_> = [Some(x), sway.clone(), Some(rolling)].into_iter().flatten().collect();
         // Without the sway the person moves between force and speed.
         let delay = sway.is_some();
@@ -84,7 +84,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         if sway.is_some() {
             let mut of_sway = of_force.clone();
             (of_sway.y.side, of_sway.x[1].side) = (Side::Model, Side::Late);
-            of_sway.what = "drive force against speed and sway";
+            of_sway.what = "drive force compared with speed and sway";
             // The sway comes first: it must be seen in the force, and be about as large as the person makes it.
             of_sway.x.swap(0, 1);
             of_sway.gain = Gain::Shown(body(signals.known).b, 3.0);
@@ -105,7 +105,8 @@ fn swaying(signals: &Signals, [angle, rate]: [&'static str; 2], acceleration: Op
     let expected = (stiffness - body.b * GRAVITY) / body.b;
     let slope = signals.term(rate, 0).or_else(|| signals.term(angle, 1))?;
     let curve = signals.term(rate, 1).or_else(|| signals.term(angle, 2))?;
-    let what = if angle == "tilt" { "tilt against the acceleration" } else { "roll against speed times yaw rate" };
+    let what =
+        if angle == "tilt" { "tilt compared with the acceleration" } else { "roll compared with speed times yaw rate" };
     let x = [signals.term(angle, 0)?, slope, curve].map(Term::late).to_vec();
     let gain = if expected > 0.0 { Gain::About(expected, 10.0) } else { Gain::Any };
     Some(Relation { what, y: acceleration?, x, gain, constant: true, given: "", delay: true })

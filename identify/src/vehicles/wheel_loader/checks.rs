@@ -29,8 +29,8 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     let radius = [get("loader.wheel_radius_front"), get("loader.wheel_radius_rear")];
     let mut all = Vec::new();
     let axles = [
-        ("speed against front wheel speed times radius", "wheel_speed_front", "torque_front"),
-        ("speed against rear wheel speed times radius", "wheel_speed_rear", "torque_rear"),
+        ("speed compared with front wheel speed times radius", "wheel_speed_front", "torque_front"),
+        ("speed compared with rear wheel speed times radius", "wheel_speed_rear", "torque_rear"),
     ];
     for (axle, (what, wheel, torque)) in axles.into_iter().enumerate() {
         let rolled = signals.term(wheel, 0).map(|term| term.times(radius[axle]));
@@ -53,7 +53,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         let slope = signals.of(["slope"], 0, |[slope]| GRAVITY * slope.sin());
         let brakes = signals.of(["brake_front", "speed"], 0, |[brake, speed]| brake.abs() * speed.signum());
         let x = [Some(x), slope, brakes, signals.term("spading_force_x", 0)].into_iter().flatten().collect();
-        let what = "drive force against the slope of the speed";
+        let what = "drive force compared with the derivative of the speed";
         let gain = Gain::About(get("loader.mass"), 30.0);
         all.push(Relation { what, y: y.late(), x, gain, constant: true, given: "loader.mass", delay: true });
     }

@@ -33,7 +33,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     let [_, dy, _] = chair.lever();
     let mut all = Vec::new();
     if let Some(y) = signals.term("accel_x", 0) {
-        let what = "accel_x against the encoders' acceleration";
+        let what = "accel_x compared with the encoders' acceleration";
         let x = vec![acceleration.plus(Some(turning.clone().times(-dy)))];
         all.push(Relation {
             what,
@@ -46,8 +46,8 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         });
     }
     for (what, one, other) in [
-        ("accel_x against the left encoder's acceleration", "encoder_left", "encoder_right"),
-        ("accel_x against the right encoder's acceleration", "encoder_right", "encoder_left"),
+        ("accel_x compared with the left encoder's acceleration", "encoder_left", "encoder_right"),
+        ("accel_x compared with the right encoder's acceleration", "encoder_right", "encoder_left"),
     ] {
         let half = |name: &str| signals.term(name, 2).map(|term| term.times(0.5 * chair.body.wheel_radius));
         if let (Some(y), Some(x), Some(other)) = (signals.term("accel_x", 0), half(one), half(other)) {
@@ -66,7 +66,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     if let (Some(y), Some(x)) =
         (signals.term("accel_y", 0), forward.as_ref().and_then(|v| signals.product(v, turn.as_ref())))
     {
-        let what = "accel_y against the encoders' speed times yaw rate";
+        let what = "accel_y compared with the encoders' speed times yaw rate";
         let x = vec![x, turning.clone()];
         all.push(Relation {
             what,
@@ -83,7 +83,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     if let (Some(y), Some(x), Some(change)) =
         (signals.term("gyro_pitch", 0), tilting, forward.map(|v| signals.slope(&v)))
     {
-        let what = "gyro_pitch against the change of the slope that accel_x shows";
+        let what = "gyro_pitch compared with the change of the slope that accel_x shows";
         let change = Term { parts: change.parts.into_iter().map(|(values, _)| (values, 1)).collect(), ..change };
         // The speed is smoothed twice, which takes from the edges of a ramp.
         let x = vec![x.plus(Some(change.times(-1.0 / gravity)))];
@@ -99,7 +99,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     }
     // The noisy side stands on the left: noise among the regressors would pull the others along.
     if let (Some(x), Some(y)) = (signals.term("drive_force", 0), signals.term("accel_x", 0)) {
-        let what = "accel_x against the drive force";
+        let what = "accel_x compared with the drive force";
         let gain = Gain::About(1.0 / signals.known.get("chair.mass"), 30.0);
         all.push(Relation {
             what,
@@ -112,7 +112,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         });
     }
     if let Some(x) = signals.term("drive_moment", 0) {
-        let what = "the encoders' yaw acceleration against the drive moment";
+        let what = "the encoders' yaw acceleration compared with the drive moment";
         let side = signals.term("accel_y", 0);
         let gain = Gain::About(1.0 / signals.known.get("chair.yaw_inertia"), 30.0);
         let x = [Some(x.late()), Some(rate), side].into_iter().flatten().collect();

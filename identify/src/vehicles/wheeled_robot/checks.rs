@@ -42,9 +42,10 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         [Some(drive), brake] => signals.product(&drive.plus(brake.map(|term| term.times(-1.0))), wheels.as_ref()),
         _ => None,
     };
-    for (what, name) in
-        [("speed_x against wheel speed times radius", "speed_x"), ("speed against wheel speed times radius", "speed")]
-    {
+    for (what, name) in [
+        ("speed_x compared with wheel speed times radius", "speed_x"),
+        ("speed compared with wheel speed times radius", "speed"),
+    ] {
         if let (Some(y), Some(x)) = (signals.term(name, 0), wheels.clone()) {
             let (delay, x) = (slip.is_some(), [Some(x), slip.clone()].into_iter().flatten().collect());
             all.push(Relation {
@@ -61,25 +62,25 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     if let Some(ahead) = ahead {
         let turning = signals.of(["gyro_z", "speed_y"], 0, |[r, v]| -r * v);
         if let (Some(y), Some(x)) = (signals.term("accel_x", 0), signals.term(ahead, 1)) {
-            let what = "accel_x against the slope of the speed";
+            let what = "accel_x compared with the derivative of the speed";
             let x = vec![x.plus(turning)];
             all.push(Relation { what, y: y.late(), x, gain: Gain::Same(2.5), constant: true, given: "", delay: true });
         }
         let turning = signals.of(["gyro_z", ahead], 0, |[r, v]| r * v);
         if let (Some(y), Some(x)) = (signals.term("accel_y", 0), turning) {
-            let what = "accel_y against yaw rate times speed";
+            let what = "accel_y compared with yaw rate times speed";
             // Without the lateral speed its change is missing, which comes before the turn.
             let (delay, x) = (signals.channel("speed_y").is_some(), vec![x.plus(signals.term("speed_y", 1))]);
             all.push(Relation { what, y: y.late(), x, gain: Gain::Same(2.5), constant: true, given: "", delay });
         }
         let rest = signals.of(["accel_y", "gyro_z", ahead], 0, |[a, r, v]| a - r * v);
         if let (Some(y), Some(x)) = (rest, signals.term("speed_y", 1)) {
-            let what = "the change of speed_y against accel_y less yaw rate times speed";
+            let what = "the change of speed_y compared with accel_y less yaw rate times speed";
             all.push(Relation { what, y, x: vec![x], gain: Gain::Same(2.5), constant: true, given: "", delay: false });
         }
         let steered = signals.of(["steering_angle", ahead], 0, |[delta, v]| v * delta.tan() / base);
         if let (Some(y), Some(x)) = (signals.term("gyro_z", 0), steered) {
-            let what = "yaw rate against speed times steering angle over wheelbase";
+            let what = "yaw rate compared with speed times steering angle over wheelbase";
             // Understeer, and the lag of the turn: the sign and the size tell, a delay does not.
             let factor = if signals.known.is_set("vehicle.cg_to_front") { 6.0 } else { 20.0 };
             all.push(Relation {
@@ -96,7 +97,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     let track = get("vehicle.track_rear");
     let turned = signals.of(["wheel_speed_rl", "wheel_speed_rr"], 0, |[left, right]| radius * (right - left) / track);
     if let (Some(y), Some(x)) = (signals.term("gyro_z", 0), turned) {
-        let what = "yaw rate against the rear wheels' difference over track";
+        let what = "yaw rate compared with the rear wheels' difference over track";
         all.push(Relation {
             what,
             y: y.late(),
