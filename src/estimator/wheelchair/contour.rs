@@ -1,9 +1,10 @@
 //! From heading and slope to the direction of gravity, when the ground contradicts the contour line of
 //! `initial.heading`: a pavement's cross slope, a ramp that lies otherwise than was said.
 
+use super::belief::biases;
 use super::ekf::Noise;
 use super::parameters::{InitialParameters, Kind, Model, Parameters};
-use super::{ChairBelief, ChairMachine, State, biases};
+use super::{ChairBelief, ChairMachine, State};
 use crate::filter::gaussian::Gaussian;
 use crate::model::wheelchair::{self as model, biased_gravity, gravity};
 use nalgebra::{SMatrix, SVector};
@@ -178,17 +179,12 @@ impl ChairMachine {
         if !state.watch.doubts(ahead || aside || pulled, PATIENCE, dt) {
             return;
         }
-        let alpha = match &state.belief {
-            ChairBelief::Basic(belief) => belief.mean[model::ALPHA],
-            ChairBelief::Biased(belief) => belief.mean[model::ALPHA],
+        let (alpha, mut belief) = match &state.belief {
+            ChairBelief::Basic(belief) => (belief.mean[model::ALPHA], as_gravity(belief)),
+            ChairBelief::Biased(belief) => (belief.mean[model::ALPHA], as_gravity(belief)),
             ChairBelief::Gravity(_) => return,
         };
         let pitch_too = ahead || alpha.cos().abs() > ACROSS_ONLY || state.watch.gyro_contradicts();
-        let mut belief = match &state.belief {
-            ChairBelief::Basic(belief) => as_gravity(belief),
-            ChairBelief::Biased(belief) => as_gravity(belief),
-            ChairBelief::Gravity(_) => return,
-        };
         self.free_tilt(&mut belief, &state.belief, pitch_too, aside);
         if !belief.is_valid() {
             return;

@@ -82,6 +82,7 @@
 //! of gravity as state](crate::model::wheelchair::gravity) are not in the source.
 
 pub mod attitude;
+mod belief;
 mod contour;
 pub mod ekf;
 mod forms;
@@ -94,6 +95,7 @@ mod vibration;
 mod watch;
 mod wheels;
 
+pub use belief::ChairBelief;
 pub use forms::{Basic, Biased, GravityVector, Mover};
 pub use parameters::{
     EncoderParameters, FilterParameters, InitialParameters, Kind, LimitParameters, MeasurementParameters, Model,
@@ -106,14 +108,12 @@ pub use watch::Watch;
 use crate::estimator::standstill::Standstill;
 use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::ekf::NotPositiveDefinite;
-use crate::filter::gaussian::Gaussian;
-use crate::model::wheelchair::{self as model, Chair, Command, gravity};
+use crate::model::wheelchair::{Chair, Command};
 use crate::{ParameterError, Status};
-use ekf::{ChairEkf, Drive};
-use nalgebra::SVector;
+use belief::{biases, of_kind};
+use ekf::{ChairEkf, Drive, Sample};
 use rest::{Bands, Rest, Signs};
 use serde::{Deserialize, Serialize};
-use std::f64::consts::FRAC_PI_2;
 use wheels::Wheels;
 
 /// The estimator; see the [module](self).
@@ -146,18 +146,6 @@ use wheels::Wheels;
 /// ```
 pub type Wheelchair = Sampled<ChairMachine>;
 
-/// What the filter knows of the chair, in the form of its kind.
-#[expect(clippy::large_enum_variant, reason = "there is one per estimator, and copying it must not allocate")]
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum ChairBelief {
-    /// `basic`
-    Basic(Gaussian<6>),
-    /// `bias` and `acceleration_input`
-    Biased(Gaussian<13>),
-    /// `gravity_vector`, and the others once the ground has contradicted the initial heading
-    Gravity(Gaussian<15>),
-}
-
 /// Everything that a step changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
@@ -189,61 +177,10 @@ pub struct ChairMachine {
     initial: ChairBelief,
 }
 
-/// The same with the filter and the belief of any kind.
-macro_rules! of_kind {
-    ($machine:expr, $belief:expr, |$filter:ident, $gaussian:ident| $body:expr) => {
-        match $belief {
-            ChairBelief::Basic($gaussian) => {
-                let $filter = &$machine.basic;
-                $body
-            }
-            ChairBelief::Biased($gaussian) => {
-                let $filter = &$machine.biased;
-                $body
-            }
-            ChairBelief::Gravity($gaussian) => {
-                let $filter = &$machine.gravity;
-                $body
-            }
-        }
-    };
-}
-
-/// Known biases of gyro and accelerometer.
-fn biases(initial: &InitialParameters) -> [f64; 4] {
-    [initial.gyro_bias, initial.accel_x_bias, initial.accel_y_bias, initial.accel_z_bias]
-}
-
 impl ChairMachine {
     /// The chair of the parameters.
     pub fn chair(&self) -> &Chair {
         &self.chair
-    }
-
-    fn initial_belief(parameters: &Parameters) -> ChairBelief {
-        let p = &parameters.initial;
-        let chair = model::State::new(0.0, p.heading, p.speed, 0.0, p.slope, 0.0);
-        let std = [p.distance_std, p.heading_std, p.speed_std, p.yaw_rate_std, p.slope_std, p.slope_rate_std];
-        let kind = parameters.filter.kind;
-        match kind {
-            Kind::Basic => ChairBelief::Basic(Gaussian::independent(chair, &SVector::from(std))),
-            Kind::Bias | Kind::AccelerationInput => {
-                let (mut mean, mut all) = (model::BiasedState::zeros(), model::BiasedState::zeros());
-                mean.fixed_rows_mut::<6>(0).copy_from(&chair);
-                all.fixed_rows_mut::<6>(0).copy_from(&SVector::from(std));
-                mean.fixed_rows_mut::<4>(model::GYRO_BIAS).copy_from(&SVector::from(biases(p)));
-                let accel = p.accel_bias_std;
-                let bias = [p.gyro_bias_std, accel, accel, accel, p.heading_offset_std];
-                all.fixed_rows_mut::<5>(model::GYRO_BIAS).copy_from(&SVector::from(bias));
-                // without the force as input its errors have no part: known to be zero
-                if kind == Kind::Bias {
-                    all[model::FORCE_GAIN] = p.force_gain_std;
-                    all[model::FORCE_OFFSET] = p.force_offset_std;
-                }
-                ChairBelief::Biased(Gaussian::independent(mean, &all))
-            }
-            Kind::GravityVector => ChairBelief::Gravity(contour::start(parameters)),
-        }
     }
 
     /// Ends a standstill. Within the bands the chair may have reached these rates.
@@ -261,16 +198,9 @@ impl ChairMachine {
     /// Whether mean and variances are numbers that a chair can have; what a run of impossible samples has
     /// driven beyond that would not come back by itself.
     fn is_plausible(&self, belief: &ChairBelief) -> bool {
-        let (valid, tilt) = match belief {
-            ChairBelief::Basic(belief) => (belief.is_valid(), belief.mean[model::XI].abs() / FRAC_PI_2),
-            ChairBelief::Biased(belief) => (belief.is_valid(), belief.mean[model::XI].abs() / FRAC_PI_2),
-            ChairBelief::Gravity(belief) => {
-                (belief.is_valid(), belief.mean[gravity::GX].hypot(belief.mean[gravity::GY]))
-            }
-        };
         let (speed, yaw_rate) = belief.motion();
         let limit = &self.parameters.limit;
-        valid && tilt <= 1.0 && speed.abs() <= limit.speed && yaw_rate.abs() <= limit.yaw_rate
+        belief.is_valid() && belief.tilt() <= 1.0 && speed.abs() <= limit.speed && yaw_rate.abs() <= limit.yaw_rate
     }
 
     /// Starts the filter anew where the encoders last put the chair.
@@ -282,6 +212,82 @@ impl ChairMachine {
         state.watch = Watch::default();
         state.wheels = Wheels::default();
         state.rejections = [0; 6];
+    }
+}
+
+/// The steps of a sample.
+impl ChairMachine {
+    /// The sample's measurements: wheel angles since their zero, inertial sensors without known biases.
+    fn read(&self, state: &mut State, inputs: &Inputs, dt: f64, status: &mut Status) -> Sample {
+        let readings = state.wheels.read(
+            &self.chair,
+            [inputs.encoder_right, inputs.encoder_left],
+            state.belief.motion(),
+            dt,
+            self.parameters.limit.wheel_step,
+            self.parameters.encoder.zero,
+        );
+        status.raise_if(readings.implausible, Status::IMPLAUSIBLE);
+        status.raise_if(readings.restarted, Status::RESTARTED);
+        let inertial = [inputs.gyro_pitch, inputs.accel_x, inputs.accel_y, inputs.accel_z];
+        let [gyro, accel @ ..]: [f64; 4] = std::array::from_fn(|k| inertial[k] - self.calibration[k]);
+        wheels::sample(&self.chair, readings.angles, gyro, accel)
+    }
+
+    fn is_still(&self, state: &mut State, sample: &Sample, dt: f64) -> bool {
+        let [distance, heading, gyro, accel_x, accel_y, _] = sample.values.into();
+        let quiet = state.rest.watch(&self.bands, &Signs { distance, heading, gyro, accel: [accel_x, accel_y] });
+        state.standstill.update(quiet, self.parameters.standstill.time, dt)
+    }
+
+    /// Carries the belief from the last sample to this one, under the command of the last.
+    fn predict(&self, state: &mut State, sample: &Sample, elapsed: Elapsed, still: bool) {
+        match elapsed {
+            Elapsed::First => {
+                if let ChairBelief::Gravity(belief) = &mut state.belief {
+                    let accel_y = sample.values[4];
+                    contour::widen_tilt(belief, accel_y, &self.gravity.noise, self.chair.gravity);
+                }
+            }
+            Elapsed::Step(dt) => {
+                let drive = Drive {
+                    command: Command::from(state.command),
+                    accel_x: state.accel_x,
+                    vibration: state.watch.vibration.forward,
+                    still,
+                };
+                of_kind!(self, &mut state.belief, |filter, belief| filter.predict(belief, dt, &drive));
+            }
+            Elapsed::Gap(gap) => of_kind!(self, &mut state.belief, |filter, belief| filter.bridge_gap(belief, gap)),
+        }
+    }
+
+    fn correct(
+        &self,
+        state: &mut State,
+        sample: &Sample,
+        dt: f64,
+        still: bool,
+    ) -> Result<Outcome, NotPositiveDefinite> {
+        let drive = Drive { command: Command::from(state.command), accel_x: None, vibration: 0.0, still };
+        let State { belief, rejections, watch, .. } = state;
+        let done = of_kind!(self, belief, |filter, belief| filter.correct_watched(
+            belief,
+            rejections,
+            (watch, dt),
+            sample,
+            &drive
+        ))?;
+        let mut status = Status::OK;
+        status.raise_if(done.sensors.any_rejected(), Status::GATED);
+        Ok(Outcome {
+            status,
+            nis: done.nis,
+            channels: done.dof,
+            log_likelihood: done.sensors.log_likelihood,
+            used: done.sensors.used_count() > 0,
+            ..Outcome::default()
+        })
     }
 }
 
@@ -300,7 +306,7 @@ impl Machine for ChairMachine {
         let (limits, gate) = (parameters.limits(), parameters.gate());
         let driven = parameters.filter.kind == Kind::AccelerationInput;
         let mover = if driven { Mover::TippingAcceleration } else { Mover::Force };
-        let initial = Self::initial_belief(parameters);
+        let initial = ChairBelief::initial(parameters);
         let state = State {
             belief: initial.clone(),
             command: [0.0; 2],
@@ -355,82 +361,26 @@ impl Machine for ChairMachine {
 
     fn sample(&mut self, state: &mut State, inputs: &Inputs, _: Status, elapsed: Elapsed) -> Outcome {
         let (mut status, dt) = (Status::OK, elapsed.seconds());
-        let readings = state.wheels.read(
-            &self.chair,
-            [inputs.encoder_right, inputs.encoder_left],
-            state.belief.motion(),
-            dt,
-            self.parameters.limit.wheel_step,
-            self.parameters.encoder.zero,
-        );
-        status.raise_if(readings.implausible, Status::IMPLAUSIBLE);
-        status.raise_if(readings.restarted, Status::RESTARTED);
-        let inertial = [inputs.gyro_pitch, inputs.accel_x, inputs.accel_y, inputs.accel_z];
-        let [gyro, accel @ ..]: [f64; 4] = std::array::from_fn(|k| inertial[k] - self.calibration[k]);
-        let sample = wheels::sample(&self.chair, readings.angles, gyro, accel);
+        let sample = self.read(state, inputs, dt, &mut status);
         let was_still = state.standstill.is_still();
-        let still = self.parameters.filter.detect_standstill && {
-            let signs =
-                Signs { distance: sample.values[0], heading: sample.values[1], gyro, accel: [accel[0], accel[1]] };
-            let quiet = state.rest.watch(&self.bands, &signs);
-            state.standstill.update(quiet, self.parameters.standstill.time, dt)
-        };
+        let still = self.parameters.filter.detect_standstill && self.is_still(state, &sample, dt);
         status.raise_if(still, Status::STANDSTILL);
         if was_still && !still {
             self.end_standstill(&mut state.belief);
         }
-
-        match elapsed {
-            Elapsed::First => {
-                if let ChairBelief::Gravity(belief) = &mut state.belief {
-                    contour::widen_tilt(belief, accel[1], &self.gravity.noise, self.chair.gravity);
-                }
-            }
-            Elapsed::Step(dt) => {
-                let drive = Drive {
-                    command: Command::from(state.command),
-                    accel_x: state.accel_x,
-                    vibration: state.watch.vibration.forward,
-                    still,
-                };
-                of_kind!(self, &mut state.belief, |filter, belief| filter.predict(belief, dt, &drive));
-            }
-            Elapsed::Gap(gap) => of_kind!(self, &mut state.belief, |filter, belief| filter.bridge_gap(belief, gap)),
-        }
+        self.predict(state, &sample, elapsed, still);
         state.command = [inputs.drive_force, inputs.drive_moment];
         state.accel_x = Some(inputs.accel_x).filter(|a| a.is_finite());
-        let drive = Drive { command: Command::from(state.command), accel_x: None, vibration: 0.0, still };
-        let mut outcome = Outcome::default();
-        let State { belief, rejections, watch, .. } = state;
-        match of_kind!(self, belief, |filter, belief| filter.correct_watched(
-            belief,
-            rejections,
-            (watch, dt),
-            &sample,
-            &drive
-        )) {
-            Ok(done) => {
-                status.raise_if(done.sensors.any_rejected(), Status::GATED);
-                outcome = Outcome {
-                    nis: done.nis,
-                    channels: done.dof,
-                    log_likelihood: done.sensors.log_likelihood,
-                    used: done.sensors.used_count() > 0,
-                    ..outcome
-                };
-            }
-            Err(NotPositiveDefinite) => {
-                self.restart(state);
-                status |= Status::RECOVERED | Status::RESTARTED;
-            }
-        }
-        if !self.is_plausible(&state.belief) {
+        let corrected = self.correct(state, &sample, dt, still);
+        let restart = corrected.is_err() || !self.is_plausible(&state.belief);
+        let outcome = corrected.unwrap_or_default();
+        if restart {
             self.restart(state);
             status |= Status::RECOVERED | Status::RESTARTED;
         }
         self.doubt_contour(state, dt);
         status.raise_if(!state.belief.heading_is_observable(), Status::UNOBSERVABLE);
-        Outcome { status, ..outcome }
+        Outcome { status: status | outcome.status, ..outcome }
     }
 
     fn estimates(&self, state: &State, inputs: &Inputs, horizon: f64, outputs: &mut Outputs) {
@@ -443,13 +393,10 @@ impl Machine for ChairMachine {
     }
 
     fn check(&self, state: &State) -> Result<(), StateError> {
-        let valid = match (&state.belief, &self.initial) {
-            (ChairBelief::Basic(belief), ChairBelief::Basic(_)) => belief.is_valid(),
-            (ChairBelief::Biased(belief), ChairBelief::Biased(_)) => belief.is_valid(),
-            (ChairBelief::Gravity(belief), ChairBelief::Gravity(_)) => belief.is_valid(),
-            (ChairBelief::Gravity(belief), _) if state.left_contour => belief.is_valid(),
-            _ => return Err(StateError("its filter.kind differs")),
-        };
-        if valid { Ok(()) } else { Err(StateError("it holds a negative variance")) }
+        let left = matches!(state.belief, ChairBelief::Gravity(_)) && state.left_contour;
+        if !left && std::mem::discriminant(&state.belief) != std::mem::discriminant(&self.initial) {
+            return Err(StateError("its filter.kind differs"));
+        }
+        if state.belief.is_valid() { Ok(()) } else { Err(StateError("it holds a negative variance")) }
     }
 }

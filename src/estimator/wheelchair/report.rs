@@ -19,15 +19,6 @@ pub(super) const UNKNOWN_HEADING: f64 = PI * FRAC_1_SQRT_3;
 const SIGNIFICANT: f64 = 3.0;
 
 impl ChairBelief {
-    /// Speed and yaw rate.
-    pub(super) fn motion(&self) -> (f64, f64) {
-        match self {
-            Self::Basic(belief) => (belief.mean[model::V], belief.mean[model::R]),
-            Self::Biased(belief) => (belief.mean[model::V], belief.mean[model::R]),
-            Self::Gravity(belief) => (belief.mean[gravity::V], belief.mean[gravity::R]),
-        }
-    }
-
     /// Whether the ground is steep enough to tell where uphill is.
     pub(super) fn heading_is_observable(&self) -> bool {
         let slope = match self {
