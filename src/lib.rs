@@ -62,6 +62,7 @@
 
 #[macro_use]
 pub mod variable;
+pub mod clock;
 pub mod parameter_set;
 pub mod status;
 pub mod unit;

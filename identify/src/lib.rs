@@ -3,6 +3,7 @@
 //! ```text
 //! log file -> wheelstate-log -> problem/ (rows, constraints) -> solve/ (Clarabel) -> assess/ -> result -> report/
 //!                               tune/    (noise by replay)                                   -> result -> report/
+//!                               run/     (estimates by replay)                               -> report/
 //! simulate (plants + noise) -> log file
 //! ```
 //!
@@ -14,8 +15,8 @@
 //! # Who may import whom
 //!
 //! `solve` and `result` stand at the bottom and know no log file, no machine and no command line; `assess` and `report`
-//! use `result`; `problem` uses `solve`, `assess` and `result`, `tune` only `result`; `vehicle` joins problem,
-//! simulation and tuning; a machine of `vehicles` uses all of these but never another machine; `cli` uses everything.
+//! use `result`; `problem` uses `solve`, `assess` and `result`; `tune` and `run` use `result` and share `replay`; `vehicle` joins
+//! problem, simulation, tuning and runs; a machine of `vehicles` uses all of these but never another machine; `cli` uses everything.
 //! `tests/walls/arrows.rs` of the repository is the whole list, and a test holds it.
 
 pub mod assess;
@@ -24,8 +25,10 @@ pub mod cli;
 pub mod estimate;
 pub mod finding;
 pub mod problem;
+pub mod replay;
 pub mod report;
 pub mod result;
+pub mod run;
 pub mod simulate;
 pub mod solve;
 pub mod tune;

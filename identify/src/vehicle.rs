@@ -6,8 +6,10 @@ use crate::log::Log;
 use crate::problem::{self, Declared, FitError, FitRequest, Known, Problem};
 use crate::progress::Progress;
 use crate::result::{FitReport, Parameter};
+use crate::run::{self, Parameters, ParametersError, Run, RunError, Settings};
 use crate::simulate::{Companion, Request, SimulateError, Simulation};
 use crate::tune::{self, Subject, TuneError, TuneReport, TuneRequest};
+use std::path::Path;
 use wheelstate::{Estimator, ParameterError, Variable, Variables};
 
 /// A machine: its estimator and what `identify` adds to it.
@@ -43,6 +45,7 @@ pub struct Seat {
     parameters: fn() -> Vec<Variable>,
     inputs: fn() -> Vec<Variable>,
     tune: Tune,
+    run: fn(&Log, &Settings, &Progress) -> Result<Run, RunError>,
 }
 
 /// [`tune::tune`] of one estimator.
@@ -51,7 +54,13 @@ type Tune = fn(&Subject, &[Log], &[Log], &TuneRequest, &Progress) -> Result<Tune
 impl Seat {
     /// The place of this estimator.
     pub const fn of<E: Estimator + 'static>() -> Self {
-        Self { name: E::NAME, parameters: E::Parameters::declare, inputs: E::Inputs::declare, tune: tune::tune::<E> }
+        Self {
+            name: E::NAME,
+            parameters: E::Parameters::declare,
+            inputs: E::Inputs::declare,
+            tune: tune::tune::<E>,
+            run: run::run::<E>,
+        }
     }
 }
 
@@ -134,6 +143,32 @@ impl Vehicle {
     ) -> Result<TuneReport, TuneError> {
         let subject = Subject { vehicle: self.name, needed: self.needed, noise_floors: self.noise_floors };
         (self.estimator.tune)(&subject, logs, held_out, request, progress)
+    }
+
+    /// Runs its estimator over a log, see [`run`](mod@run).
+    ///
+    /// ```
+    /// use wheelstate_identify::progress::Progress;
+    /// use wheelstate_identify::run::Settings;
+    /// use wheelstate_identify::simulate::Request;
+    /// use wheelstate_identify::vehicles;
+    ///
+    /// let chair = vehicles::ALL.iter().find(|vehicle| vehicle.name == "wheelchair").expect("it is one of them");
+    /// let log = chair.simulate(&Request { scenario: "climb".into(), seed: 1, ..Request::default() })?;
+    /// let heading = ("initial.heading".to_owned(), std::f64::consts::FRAC_PI_2); // straight up
+    /// let run = chair.run(&log, &Settings { parameters: vec![heading], ..Settings::default() }, &Progress::none())?;
+    /// let last = log.len() - 1; // the times of the run are those of the log, and one more
+    /// let at = |name| run.column(name).expect("it is an output of the FMU")[last];
+    /// assert!((at("slope") - log.require("true_slope")?[last]).abs() < 3.0 * at("slope_std"));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn run(&self, log: &Log, settings: &Settings, progress: &Progress) -> Result<Run, RunError> {
+        (self.estimator.run)(log, settings, progress)
+    }
+
+    /// Parameters of its estimator from a file as `pack --params` takes it, see [`Parameters::read`].
+    pub fn read_parameters(&self, path: &Path) -> Result<Parameters, ParametersError> {
+        Parameters::read(path, self.name, &self.parameters())
     }
 
     /// Runs a scenario.

@@ -20,10 +20,10 @@ mod candidates;
 pub mod dung_beetle;
 mod needed;
 mod objective;
-pub mod replay;
 mod report;
 pub mod rng;
 
+pub use crate::replay;
 pub use candidates::{Candidate, candidates};
 pub use objective::{Objective, Replay, Score};
 pub use report::{LogNis, TuneReport, Tuning};

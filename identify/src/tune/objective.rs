@@ -1,6 +1,6 @@
 //! What a noise setting is judged by: the estimator replays the logs with it.
 
-use super::replay::Track;
+use crate::replay::Track;
 use wheelstate::{Estimator, Variables};
 
 /// What a noise setting is judged by.

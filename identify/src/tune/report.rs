@@ -1,9 +1,9 @@
 //! What a tuning says: `tune.json`, in the shape of `fit.json` with a section on the search.
 
 use super::dung_beetle::Optimum;
-use super::replay::Track;
 use super::{Candidate, Objective, Replay, TuneRequest};
 use crate::log::Log;
+use crate::replay::Track;
 use crate::result::{FORMAT_VERSION, FitReport, LogEntry, Parameter, Verdict};
 use nalgebra::DMatrix;
 use rayon::prelude::*;

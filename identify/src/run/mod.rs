@@ -1,0 +1,222 @@
+//! Logs through an estimator, once: its estimates over a whole ride, at native speed.
+//!
+//! [`Vehicle::run`](crate::vehicle::Vehicle::run) is the machine of a name; [`run()`] that of a type. The parameters
+//! come from a file ([`Parameters::read`]) or from the caller.
+
+mod parameters;
+
+pub use crate::replay::Sampling;
+pub use parameters::{Parameters, ParametersError};
+
+use crate::log::{Channel, Log};
+use crate::progress::{Interrupted, Progress};
+use crate::replay::{Source, replay};
+use wheelstate::{Estimator, ParameterError, Variable, Variables};
+
+/// What a run is asked for, besides the log.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Parameters of the estimator by FMU name; of two with one name the later counts. Others stand at their defaults.
+    pub parameters: Vec<(String, f64)>,
+    /// Which rows are samples.
+    pub sampling: Sampling,
+}
+
+impl Default for Settings {
+    /// Defaults of the FMU, sampled as a host does.
+    fn default() -> Self {
+        Self { parameters: Vec::new(), sampling: Sampling::AsFmu }
+    }
+}
+
+/// The estimates of one log.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// [`Estimator::NAME`], also the name of the FMU.
+    pub model: &'static str,
+    /// Where the log came from.
+    pub source: String,
+    /// The estimator's sample period, s: the given one or, if the rows are further apart, their distance.
+    pub sample_period: f64,
+    /// Which rows were samples.
+    pub sampling: Sampling,
+    /// Times of the estimates, s: those of the log's rows, and with [`Sampling::AsFmu`] one more at the end.
+    pub time: Vec<f64>,
+    /// All outputs of the FMU, in their order.
+    pub columns: Vec<Column>,
+    /// What is good to know of the log and of the parameters, one line each.
+    pub notes: Vec<String>,
+}
+
+/// One output over time.
+#[derive(Clone, Debug)]
+pub struct Column {
+    /// Name, unit, kind and meaning.
+    pub variable: Variable,
+    /// One value per time; truth values are 0 and 1, `status` is the sum of its bits.
+    pub values: Vec<f64>,
+}
+
+impl Run {
+    /// The values of an output.
+    pub fn column(&self, name: &str) -> Option<&[f64]> {
+        self.columns.iter().find(|column| column.variable.name == name).map(|column| column.values.as_slice())
+    }
+
+    /// As a log, to be written as CSV, Parquet or MDF4.
+    pub fn into_log(self) -> Log {
+        let channel = |column: Column| Channel { name: column.variable.name, values: column.values };
+        let channels = self.columns.into_iter().map(channel).collect();
+        Log { source: self.source, time: self.time, channels, ..Log::default() }
+    }
+}
+
+/// Why there is no run.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The log has no row.
+    #[error("{0}: there is no sample")]
+    Empty(String),
+    /// Times that stand still or run backwards, or a channel of another length: no file has them.
+    #[error("{log}: sample {sample}: {what}")]
+    Uneven {
+        /// The log.
+        log: String,
+        /// Number of the sample, from 1.
+        sample: usize,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// A host refuses such a step.
+    #[error(
+        "{log}: no sample from {from} s to {to} s, and the FMU takes no step of more than {MOST_SAMPLES} samples; \
+         --clock log bridges gaps"
+    )]
+    Gap {
+        /// The log.
+        log: String,
+        /// Last sample before the gap, s.
+        from: f64,
+        /// First one after it, s.
+        to: f64,
+    },
+    /// A parameter was refused.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The user asked to stop.
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
+}
+
+/// Samples that one step of the FMU may take.
+const MOST_SAMPLES: f64 = 1e5;
+
+/// Rows between two looks at the progress bar.
+const STRIDE: usize = 4096;
+
+/// Runs a fresh estimator over a log.
+pub fn run<E: Estimator>(log: &Log, settings: &Settings, progress: &Progress) -> Result<Run, RunError> {
+    check(log)?;
+    let (parameters, notes) = parameters_for::<E>(log, settings)?;
+    let mut estimator = E::new(&parameters)?;
+    let period = estimator.sample_period();
+    if settings.sampling == Sampling::AsFmu
+        && let Some(pair) = log.time.windows(2).find(|pair| pair[1] - pair[0] > MOST_SAMPLES * period)
+    {
+        return Err(RunError::Gap { log: log.source.clone(), from: pair[0], to: pair[1] });
+    }
+    let rows = log.len() + usize::from(settings.sampling == Sampling::AsFmu);
+    let column = |variable| Column { variable, values: Vec::with_capacity(rows) };
+    let mut columns: Vec<_> = E::Outputs::declare().into_iter().map(column).collect();
+    let mut time = Vec::with_capacity(rows);
+    let source = Source::of::<E>(log);
+    let (mut flat_inputs, mut flat_outputs) = (vec![0.0; E::Inputs::COUNT], vec![0.0; E::Outputs::COUNT]);
+    let last = if log.len() > 1 { log.period() } else { period };
+    progress.start(format!("running {}", E::NAME), rows as u64);
+    replay(
+        &mut estimator,
+        (settings.sampling, last),
+        &log.time,
+        |k, inputs| {
+            source.row(k, &mut flat_inputs);
+            inputs.read(&flat_inputs);
+        },
+        |row, now, outputs| {
+            outputs.write(&mut flat_outputs);
+            time.push(now);
+            for (column, value) in columns.iter_mut().zip(&flat_outputs) {
+                column.values.push(*value);
+            }
+            if row % STRIDE == STRIDE - 1 {
+                progress.advance(STRIDE as u64);
+                progress.check()?;
+            }
+            Ok::<(), Interrupted>(())
+        },
+    )?;
+    progress.finish();
+    let (source, sampling) = (log.source.clone(), settings.sampling);
+    Ok(Run { model: E::NAME, source, sample_period: period, sampling, time, columns, notes })
+}
+
+/// Refuses what no log read from a file has.
+fn check(log: &Log) -> Result<(), RunError> {
+    let uneven = |sample: usize, what: String| RunError::Uneven { log: log.source.clone(), sample: sample + 1, what };
+    if log.is_empty() {
+        return Err(RunError::Empty(log.source.clone()));
+    }
+    if let Some(k) = log.time.iter().position(|time| !time.is_finite()) {
+        return Err(uneven(k, format!("its time {} is not finite", log.time[k])));
+    }
+    if let Some(k) = log.time.windows(2).position(|pair| pair[1] <= pair[0]) {
+        return Err(uneven(k + 1, format!("its time {} s is not after {} s", log.time[k + 1], log.time[k])));
+    }
+    match log.channels.iter().find(|channel| channel.values.len() != log.len()) {
+        Some(channel) => {
+            let (name, there, times) = (&channel.name, channel.values.len(), log.len());
+            Err(uneven(there.min(times), format!("{name} has {there} values for {times} times")))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Rows may be this much further apart than samples.
+const APART: f64 = 1.01;
+
+/// The parameters that hold for a log, with what to know of them. Unless it is given, `sample_period` is the default
+/// of the FMU; where the rows are further apart it is their distance, so that no row counts twice, and where every row
+/// is a sample it always is.
+fn parameters_for<E: Estimator>(
+    log: &Log,
+    settings: &Settings,
+) -> Result<(E::Parameters, Vec<String>), ParameterError> {
+    let mut parameters = E::Parameters::default();
+    let mut notes = Vec::new();
+    let own = E::new(&parameters)?.sample_period();
+    let given = settings.parameters.iter().any(|(name, _)| name == "sample_period");
+    let rows = rounded(log.period());
+    if !given && log.len() > 1 {
+        if settings.sampling == Sampling::EveryRow {
+            parameters.set("sample_period", rows)?;
+        } else if rows > APART * own {
+            parameters.set("sample_period", rows)?;
+            notes.push(format!("sample_period = {rows} s, the distance of the rows (the FMU's own is {own} s)"));
+        } else if APART * rows < own {
+            notes.push(format!("sample_period = {own} s, so not every row is used (they are {rows} s apart)"));
+        }
+    }
+    for (name, value) in &settings.parameters {
+        parameters.set(name, *value)?;
+    }
+    let lacking: Vec<_> =
+        E::Inputs::declare().into_iter().map(|input| input.name).filter(|name| log.channel(name).is_none()).collect();
+    if !lacking.is_empty() {
+        notes.push(format!("never set, the log has no column for it: {}", lacking.join(", ")));
+    }
+    Ok((parameters, notes))
+}
+
+/// To nine digits: times in a file are rounded.
+fn rounded(period: f64) -> f64 {
+    (period * 1e9).round() / 1e9
+}
