@@ -32,6 +32,13 @@ impl Known {
         self.values.insert(name.to_owned(), value);
     }
 
+    /// The same with such values.
+    pub fn with<'n>(&self, values: impl Iterator<Item = (&'n str, f64)>) -> Self {
+        let mut known = self.clone();
+        values.for_each(|(name, value)| known.assume(name, value));
+        known
+    }
+
     /// The value of a declared parameter.
     ///
     /// # Panics

@@ -75,10 +75,12 @@ mod findings;
 mod fit;
 mod imposed;
 pub mod known;
+mod log_set;
 pub mod noise;
 mod request;
 pub mod session;
 mod several;
+mod validate;
 pub mod weak_form;
 
 pub use crate::assess::validation::Prediction;

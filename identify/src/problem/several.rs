@@ -7,7 +7,6 @@
 //! with each log's own noise level.
 
 use super::findings::{Findings, Found};
-use crate::result::OfLog;
 use nalgebra::{DMatrix, DVector};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -154,14 +153,4 @@ pub fn combine(logs: &[&Findings], free: &BTreeSet<String>) -> Option<Findings> 
         corrected: logs.iter().all(|log| log.corrected),
         found,
     })
-}
-
-/// The values that each log has of a parameter.
-pub fn own(logs: &[Option<Findings>], files: &[String], name: &str) -> BTreeMap<String, OfLog> {
-    let of = |(log, file): (&Option<Findings>, &String)| {
-        let found = log.as_ref()?.get(name)?;
-        let std_error = found.own_error().hypot(found.judgement.systematic_std);
-        Some((file.clone(), OfLog { value: found.value, std_error }))
-    };
-    logs.iter().zip(files).filter_map(of).collect()
 }
