@@ -27,7 +27,8 @@ impl<const N: usize> Gaussian<N> {
 
     /// Variance of a quantity whose derivative over the state is `gradient`.
     pub fn variance_along(&self, gradient: &SVector<f64, N>) -> f64 {
-        gradient.dot(&(self.covariance * gradient)).max(0.0)
+        let cross = combination(&self.covariance, &gradient.data.0[0]);
+        dot(&gradient.data.0[0], &cross).max(0.0)
     }
 
     /// Makes one state known as `value` with `variance`, independent of the others.
@@ -100,5 +101,33 @@ pub fn add_square<const N: usize>(matrix: &mut SMatrix<f64, N, N>, factor: f64, 
             matrix[(i, j)] = sum;
             matrix[(j, i)] = sum;
         }
+    }
+}
+
+/// `A h`, without the terms in which `h` is zero.
+#[inline(always)]
+pub(super) fn combination<const N: usize, const K: usize>(a: &SMatrix<f64, N, K>, h: &[f64; K]) -> [f64; N] {
+    let mut sum = [0.0; N];
+    for (column, h) in a.data.0.iter().zip(h) {
+        if *h != 0.0 {
+            add_scaled(&mut sum, column, *h);
+        }
+    }
+    sum
+}
+
+#[inline(always)]
+pub(super) fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    let mut sum = 0.0;
+    for i in 0..N {
+        sum += a[i] * b[i];
+    }
+    sum
+}
+
+#[inline(always)]
+pub(super) fn add_scaled<const N: usize>(sum: &mut [f64; N], terms: &[f64; N], factor: f64) {
+    for i in 0..N {
+        sum[i] += terms[i] * factor;
     }
 }

@@ -220,7 +220,7 @@ impl<F> ChairEkf<F> {
     where
         F: Form<N, K, P>,
     {
-        self.correct_rows(belief, counters, self.rows(belief, sample, drive), drive)
+        self.correct_rows(belief, counters, &mut self.rows(belief, sample, drive), drive)
     }
 
     /// [`correct`](Self::correct) by a sample that came `dt` seconds after the last one, with a watch over what the filter
@@ -246,7 +246,7 @@ impl<F> ChairEkf<F> {
                 && self.gate.deviations <= 0.0;
             rows.used[LEFT] &= !contradicted;
         }
-        let mut done = self.correct_rows(belief, counters, rows, drive)?;
+        let mut done = self.correct_rows(belief, counters, &mut rows, drive)?;
         done.sensors.rejected[LEFT] |= contradicted;
         Ok(done)
     }
@@ -255,7 +255,7 @@ impl<F> ChairEkf<F> {
         &self,
         belief: &mut Gaussian<N>,
         counters: &mut [u32; 6],
-        mut rows: Rows<N, 6>,
+        rows: &mut Rows<N, 6>,
         drive: &Drive,
     ) -> Result<Correction, NotPositiveDefinite>
     where
@@ -263,13 +263,10 @@ impl<F> ChairEkf<F> {
     {
         // Without a gate nothing else uses its counters.
         let robust = self.limits.outlier_threshold > 0.0 && self.gate.deviations <= 0.0;
-        let impact = if robust {
-            downweight(self.limits.outlier_threshold, belief, &mut rows, &mut counters[ACCEL_X])
-        } else {
-            0.0
-        };
-        let before = drive.still.then_some(*belief);
-        let sensors = ekf::correct(belief, &rows, Some((self.gate, counters)))?;
+        let impact =
+            if robust { downweight(self.limits.outlier_threshold, belief, rows, &mut counters[ACCEL_X]) } else { 0.0 };
+        let before = drive.still.then(|| *belief); // only copied when it may be needed
+        let sensors = ekf::correct(belief, rows, Some((self.gate, counters)))?;
         let Some(before) = before else {
             return Ok(Correction { nis: sensors.nis + impact, dof: sensors.dof, sensors });
         };

@@ -30,8 +30,7 @@ pub(super) fn downweight<const N: usize>(
         if !(square > most * noise && square < DIVERGED * DIVERGED) {
             continue;
         }
-        let h = rows.jacobian.row(row);
-        let known = (h * belief.covariance).dot(&h);
+        let known = rows.expected_variance(row, belief);
         let times = square / (known + noise);
         if times <= most {
             continue;

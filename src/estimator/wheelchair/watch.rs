@@ -164,8 +164,7 @@ impl Mean {
     /// Takes the innovation of a row over its standard deviation.
     fn learn_row<const N: usize>(&mut self, belief: &Gaussian<N>, rows: &Rows<N, 6>, row: usize, drift: f64) {
         if rows.used[row] {
-            let h = rows.jacobian.row(row);
-            let variance = (h * belief.covariance).dot(&h) + rows.noise[(row, row)];
+            let variance = rows.expected_variance(row, belief) + rows.noise[(row, row)];
             self.learn(rows.innovation[row] / variance.sqrt(), 1.0, drift);
         }
     }
