@@ -49,6 +49,8 @@
 //!   recursion), which no crate offers.
 //! - **Small matrices by hand in hot loops** ([`filter::ekf`], [`filter::square_root`]): Jacobians are mostly zeros, and
 //!   general products of this size cost more in set-up than in arithmetic.
+//! - **Kernels are compiled for AVX as well**, which a processor that has it uses (`multiversion`). The results are the same
+//!   to the last bit everywhere: each number comes from the same operations in the same order, none of them fused.
 //! - **Square roots instead of covariances** for loader and robot: factors cannot lose definiteness.
 //! - **`f64` only, `unsafe` forbidden** here; the only unsafe code is the FMU's C boundary.
 //!

@@ -11,46 +11,74 @@
 //! - [`andrews`]: `S [I - F U^-T (U + V)^-1 F^T]` with `F = S^T H^T`,
 //! - [`joseph`]: `[(I - K H) S | K V]`, which is right for every gain `K`.
 
+use super::gaussian::dot;
 use nalgebra::{SMatrix, SVector};
 
 /// The lower triangular `L` with non-negative diagonal and `L L^T = A A^T`.
 ///
 /// `A` has any number of columns; with fewer than `N` independent ones some diagonal elements are 0.
-pub fn tria<const N: usize, const M: usize>(mut a: SMatrix<f64, N, M>) -> SMatrix<f64, N, N> {
-    lower(&mut a);
-    let mut factor = SMatrix::<f64, N, N>::zeros();
-    for (to, from) in factor.data.0.iter_mut().zip(&a.data.0) {
-        *to = *from;
-    }
+#[inline(always)]
+pub fn tria<const N: usize, const M: usize>(a: SMatrix<f64, N, M>) -> SMatrix<f64, N, N> {
+    let mut factor = SMatrix::zeros();
+    absorb(&mut factor, a);
     factor
 }
 
 /// Makes `A` lower trapezoidal with a non-negative diagonal; `A A^T` stays. What lies right of the
 /// first `N` columns becomes 0.
+#[inline(always)]
 pub fn lower<const N: usize, const M: usize>(a: &mut SMatrix<f64, N, M>) {
     for i in 0..N.min(M) {
         let (left, right) = a.data.0.split_at_mut(i + 1);
-        let reflection = Reflection::<M>::new(i, &left[i], right);
-        reflection.apply(&mut left[i], right);
+        let reflection = Reflection::<M>::of_columns(i, &left[i], right);
+        reflection.apply(i, &mut left[i], right);
     }
 }
 
 /// Adds the columns of `block` to a factor: `L L^T` becomes `L L^T + B B^T`.
 ///
 /// `tria([A | B])` is `absorb` of `B` into `tria(A)`: blocks of any width can follow one another.
-pub fn absorb<const N: usize, const M: usize>(factor: &mut SMatrix<f64, N, N>, mut block: SMatrix<f64, N, M>) {
-    absorb_leading(factor, &mut block);
+#[inline(always)]
+pub fn absorb<const N: usize, const M: usize>(factor: &mut SMatrix<f64, N, N>, block: SMatrix<f64, N, M>) {
+    absorb_rows(factor, &mut rows(&block));
 }
 
-/// Triangularises the first `C` rows of `[L | B]`, where `L` holds the first `C` columns of a factor.
-/// On return these rows of `B` are zero and its other rows are what is left for the other columns.
-pub fn absorb_leading<const N: usize, const C: usize, const M: usize>(
+/// The rows of a matrix.
+#[inline(always)]
+pub fn rows<const N: usize, const M: usize>(a: &SMatrix<f64, N, M>) -> [[f64; M]; N] {
+    let mut rows = [[0.0; M]; N];
+    for (j, column) in a.data.0.iter().enumerate() {
+        for i in 0..N {
+            rows[i][j] = column[i];
+        }
+    }
+    rows
+}
+
+/// Triangularises the first `C` rows of `[L | B]`, where `L` holds the first `C` columns of a factor and `B` is given by
+/// its rows. On return these rows of `B` have been used up and its other rows are what is left for the other columns.
+#[inline(always)]
+pub fn absorb_rows<const N: usize, const C: usize, const M: usize>(
     leading: &mut SMatrix<f64, N, C>,
-    block: &mut SMatrix<f64, N, M>,
+    block: &mut [[f64; M]; N],
 ) {
     for i in 0..C {
-        let reflection = Reflection::<M>::new(i, &leading.data.0[i], &block.data.0);
-        reflection.apply(&mut leading.data.0[i], &mut block.data.0);
+        let reflection = Reflection::new(leading[(i, i)], block[i]);
+        let column = &mut leading.data.0[i];
+        if reflection.scale == 0.0 {
+            if reflection.length < 0.0 {
+                column[i..].iter_mut().for_each(|element| *element = -*element);
+            }
+            continue;
+        }
+        column[i] = reflection.length;
+        for k in i + 1..N {
+            let dot = reflection.scale * (reflection.head * column[k] + dot(&reflection.tail, &block[k]));
+            column[k] -= reflection.head * dot;
+            for (element, tail) in block[k].iter_mut().zip(&reflection.tail) {
+                *element -= tail * dot;
+            }
+        }
     }
 }
 
@@ -85,53 +113,52 @@ fn rotate_in_from<const N: usize>(factor: &mut SMatrix<f64, N, N>, column: &mut 
 /// Elements below this are no variance at all: their squares would underflow.
 const SMALLEST: f64 = 1e-100;
 
-/// The Householder reflection of `[p | B]`, a column and a block of at most `M` columns, that makes
-/// row `i` of the block zero and the column's element not negative.
+/// The Householder reflection that takes a row `(diagonal, tail)` to `(length, 0)`.
 ///
-/// A row of `B` that is 1e-20 of its diagonal element carries nothing in double precision and is
+/// A tail that is 1e-20 of its diagonal element carries nothing in double precision and is
 /// dropped: correlations that fade away step by step would otherwise underflow in the scale.
 struct Reflection<const M: usize> {
-    row: usize,
-    /// Row `i` of the block.
     tail: [f64; M],
     /// First element of the reflection's vector, whose others are `tail`.
     head: f64,
     /// 2 over the square of the vector's length; 0 if nothing is reflected.
     scale: f64,
-    /// What the column's element becomes.
+    /// What the row's first element becomes; the diagonal if nothing is reflected.
     length: f64,
 }
 
 impl<const M: usize> Reflection<M> {
     #[inline(always)]
-    fn new<const N: usize>(row: usize, pivot: &[f64; N], block: &[[f64; N]]) -> Self {
-        let mut tail = [0.0; M];
-        let (mut square, mut size) = (0.0, 0.0_f64);
-        for (element, column) in tail.iter_mut().zip(block) {
-            *element = column[row];
-            square += *element * *element;
-            size = size.max(element.abs());
+    fn new(diagonal: f64, tail: [f64; M]) -> Self {
+        let square = dot(&tail, &tail);
+        if square <= 1e-40 * diagonal * diagonal || square < SMALLEST * SMALLEST {
+            return Self { tail, head: 0.0, scale: 0.0, length: diagonal };
         }
-        let diagonal = pivot[row];
-        if size <= 1e-20 * diagonal.abs() || size < SMALLEST {
-            return Self { row, tail, head: 0.0, scale: 0.0, length: diagonal };
-        }
-        // The reflection takes (diagonal, tail) to (+length, 0). For a positive diagonal the
-        // difference diagonal - length cancels; its other form does not.
+        // For a positive diagonal the difference diagonal - length cancels; its other form does not.
         let length = (diagonal * diagonal + square).sqrt();
         let sum = length + diagonal.abs();
         let (head, scale) =
             if diagonal >= 0.0 { (-square / sum, sum / (length * square)) } else { (-sum, 1.0 / (length * sum)) };
-        Self { row, tail, head, scale, length }
+        Self { tail, head, scale, length }
     }
 
-    /// Reflects the rows from which it was made; those above `row` are zero and stay so.
+    /// The one that makes row `i` of the block of columns `[p | B]` zero, but for `p`.
     #[inline(always)]
-    fn apply<const N: usize>(&self, pivot: &mut [f64; N], block: &mut [[f64; N]]) {
+    fn of_columns<const N: usize>(i: usize, pivot: &[f64; N], block: &[[f64; N]]) -> Self {
+        let mut tail = [0.0; M];
+        for (element, column) in tail.iter_mut().zip(block) {
+            *element = column[i];
+        }
+        Self::new(pivot[i], tail)
+    }
+
+    /// Reflects the columns of whose row `i` it was made; the rows above are zero and stay so.
+    #[inline(always)]
+    fn apply<const N: usize>(&self, i: usize, pivot: &mut [f64; N], block: &mut [[f64; N]]) {
         self.carry(pivot, block);
-        pivot[self.row] = self.length.abs();
+        pivot[i] = self.length.abs();
         for column in block {
-            column[self.row] = 0.0;
+            column[i] = 0.0;
         }
     }
 
@@ -175,16 +202,19 @@ pub struct FactorUpdate<const N: usize, const NY: usize, const C: usize> {
 
 impl<const N: usize, const NY: usize, const C: usize> FactorUpdate<N, NY, C> {
     /// The innovation in units of its standard deviation, `U^-1 nu`, all elements independent.
+    #[inline(always)]
     pub fn whiten(&self, nu: &SVector<f64, NY>) -> SVector<f64, NY> {
         forward(&self.innovation, nu)
     }
 
     /// The change of the state mean that the innovation `nu` causes, `K nu`.
+    #[inline(always)]
     pub fn step(&self, nu: &SVector<f64, NY>) -> SVector<f64, N> {
         self.whitened_gain * self.whiten(nu)
     }
 
     /// The Kalman gain `K = P H^T (H P H^T + V V^T)^-1`.
+    #[inline(always)]
     pub fn gain(&self) -> SMatrix<f64, N, NY> {
         // K U = G, solved from the last column backwards.
         let mut gain = self.whitened_gain;
@@ -212,8 +242,8 @@ pub fn array<const N: usize, const NY: usize, const C: usize>(
     let (mut innovation, mut block) = (*v, *hs);
     let (mut whitened_gain, mut factor) = (SMatrix::<f64, N, NY>::zeros(), *s);
     for i in 0..NY {
-        let reflection = Reflection::<C>::new(i, &innovation.data.0[i], &block.data.0);
-        reflection.apply(&mut innovation.data.0[i], &mut block.data.0);
+        let reflection = Reflection::<C>::of_columns(i, &innovation.data.0[i], &block.data.0);
+        reflection.apply(i, &mut innovation.data.0[i], &mut block.data.0);
         reflection.carry(&mut whitened_gain.data.0[i], &mut factor.data.0);
     }
     lower(&mut factor);

@@ -33,14 +33,16 @@
 //!
 //! The parameters themselves are not estimated. Without any this is the filter above.
 
-use super::gaussian::FactoredGaussian;
+use super::gaussian::{FactoredGaussian, add_scaled, dot};
 use super::innovation::{Gate, Innovation, Verdict};
-use super::square_root::{absorb, forward, product, tria};
+use super::square_root::{absorb, absorb_rows, forward, product, rows};
+use multiversion::multiversion;
 use nalgebra::{SMatrix, SVector};
 
 /// Time update (steps 2 to 4) with the standard deviations of the process noise over this step.
 ///
 /// `f` takes all `P = 2N` points at once, which a processor may evaluate side by side.
+#[multiversion(targets("x86_64+avx+avx2"))]
 pub fn predict<const N: usize, const P: usize>(
     belief: &mut FactoredGaussian<N>,
     std: &SVector<f64, N>,
@@ -73,6 +75,7 @@ pub fn correct<const N: usize, const M: usize, const P: usize>(
 
 /// [`correct`] with `K` constants that are known with an error: `cross` is `C`, `N x K`, which the update changes, and
 /// `shown` is `E`, `M x K`, how an error of one standard deviation of each shows in the measurements.
+#[multiversion(targets("x86_64+avx+avx2"))]
 pub fn correct_considering<const N: usize, const M: usize, const P: usize, const K: usize>(
     belief: &mut FactoredGaussian<N>,
     z: &SVector<f64, M>,
@@ -89,8 +92,9 @@ pub fn correct_considering<const N: usize, const M: usize, const P: usize, const
     }
     let seen = h(&points(belief));
     let expected = mean(&seen);
-    let mut spread = centred(&seen, &expected);
-    let mut shown = *shown;
+    // Everything by rows, which are longer than the columns.
+    let mut spread = rows(&centred(&seen, &expected));
+    let (mut shown, mut cross_rows) = (rows(shown), rows(cross));
     // A channel without a sample becomes one that measures nothing, with unit noise: independent
     // of all others, without gain and without a share in the likelihood.
     let mut noise = SMatrix::<f64, M, M>::identity();
@@ -99,13 +103,12 @@ pub fn correct_considering<const N: usize, const M: usize, const P: usize, const
             noise[(j, j)] = std[j];
             out.residual[j] = z[j] - expected[j];
         } else {
-            spread.row_mut(j).fill(0.0);
-            shown.row_mut(j).fill(0.0);
+            (spread[j], shown[j]) = ([0.0; P], [0.0; K]);
         }
     }
     let mut factor = noise;
-    absorb(&mut factor, spread);
-    absorb(&mut factor, shown);
+    absorb_rows(&mut factor, &mut { spread });
+    absorb_rows(&mut factor, &mut { shown });
 
     let white = forward(&factor, &out.residual);
     let mut determinant = 1.0;
@@ -120,22 +123,32 @@ pub fn correct_considering<const N: usize, const M: usize, const P: usize, const
     out.used = available;
 
     // The centred points are ± S e_i sqrt(N/2N), so P_xz = S (Zc+ - Zc-)ᵀ / sqrt(2)
-    let half = belief.factor * std::f64::consts::FRAC_1_SQRT_2;
-    let opposite = SMatrix::<f64, M, N>::from_fn(|j, i| spread[(j, i)] - spread[(j, N + i)]);
-    let joint = product(&half, &opposite.transpose()) + product(cross, &shown.transpose());
+    let half = rows(&(belief.factor * std::f64::consts::FRAC_1_SQRT_2));
+    let mut joint = SMatrix::<f64, N, M>::zeros();
+    for j in 0..M {
+        let opposite: [f64; N] = std::array::from_fn(|i| spread[j][i] - spread[j][N + i]);
+        for row in 0..N {
+            joint[(row, j)] = dot(&half[row], &opposite) + dot(&cross_rows[row], &shown[j]);
+        }
+    }
     let mut gain = divide(&joint, &factor);
     (0..N).filter(|i| considered[*i]).for_each(|i| gain.row_mut(i).fill(0.0));
     belief.mean += gain * out.residual;
-    let mut rest = -product(&gain, &spread);
-    for i in 0..N {
-        for row in 0..N {
-            rest[(row, i)] += half[(row, i)];
-            rest[(row, N + i)] -= half[(row, i)];
+    // Xc - W Zc, and C - W E
+    let mut rest = [[0.0; P]; N];
+    for row in 0..N {
+        for i in 0..N {
+            (rest[row][i], rest[row][N + i]) = (half[row][i], -half[row][i]);
+        }
+        for j in 0..M {
+            add_scaled(&mut rest[row], &spread[j], -gain[(row, j)]);
+            add_scaled(&mut cross_rows[row], &shown[j], -gain[(row, j)]);
         }
     }
-    belief.factor = tria(rest);
+    belief.factor.fill(0.0);
+    absorb_rows(&mut belief.factor, &mut rest);
     absorb(&mut belief.factor, product(&gain, &noise));
-    *cross -= product(&gain, &shown);
+    *cross = SMatrix::from_fn(|row, k| cross_rows[row][k]);
     out
 }
 

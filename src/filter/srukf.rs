@@ -22,7 +22,8 @@
 use super::gaussian::FactoredGaussian;
 use super::innovation::{Gate, Innovation, Verdict};
 use super::sigma_points::UnscentedTransform;
-use super::square_root::{absorb, absorb_leading, andrews, array, block, joseph, set_block};
+use super::square_root::{absorb, absorb_rows, andrews, array, block, joseph, rows, set_block};
+use multiversion::multiversion;
 use nalgebra::{SMatrix, SVector};
 
 /// Time update of `M` states that move and `K` that only walk at random, `N = M + K`, with process
@@ -34,6 +35,7 @@ use nalgebra::{SMatrix, SVector};
 ///
 /// Opposite points enter as half their difference and half their sum. States that do not move
 /// have no sum, so that half of the points only widen the moving states' own block.
+#[multiversion(targets("x86_64+avx+avx2"))]
 pub fn predict<const N: usize, const M: usize, const K: usize>(
     belief: &mut FactoredGaussian<N>,
     transform: &UnscentedTransform,
@@ -62,6 +64,7 @@ pub fn predict<const N: usize, const M: usize, const K: usize>(
 /// Time update of the extended Kalman filter in square-root form for `M` states that move to `moved` and `K` that
 /// only walk at random, `N = M + K`: `f` holds the moving states' rows of the map's Jacobian and `std` the standard
 /// deviations of the process noise over this step.
+#[multiversion(targets("x86_64+avx+avx2"))]
 pub fn predict_linearised<const N: usize, const M: usize, const K: usize>(
     belief: &mut FactoredGaussian<N>,
     moved: &SVector<f64, M>,
@@ -105,6 +108,7 @@ pub struct Noise<const M: usize> {
 /// `in_a_row` counts its rejections. The states marked in `considered` keep mean and variance: their uncertainty counts,
 /// and no measurement moves them. So do all that are not measured while a channel is let through that disagrees, which
 /// is one that is used although `in_a_row` is not 0: what it says is about the measured states.
+#[multiversion(targets("x86_64+avx+avx2"))]
 pub fn correct<const N: usize, const M: usize>(
     belief: &mut FactoredGaussian<N>,
     z: &SVector<f64, M>,
@@ -173,6 +177,7 @@ pub fn correct<const N: usize, const M: usize>(
 }
 
 /// The factor whose first `M` rows have become `moved` and `noise`, and whose others have walked.
+#[inline(always)]
 fn predicted_factor<const N: usize, const M: usize, const K: usize>(
     noise: SMatrix<f64, M, M>,
     moved: &SMatrix<f64, M, N>,
@@ -180,13 +185,15 @@ fn predicted_factor<const N: usize, const M: usize, const K: usize>(
     q: &SVector<f64, N>,
 ) -> SMatrix<f64, N, N> {
     const { assert!(N == M + K) }
-    let mut rows = *prior;
-    set_block(&mut rows, 0, 0, moved);
+    let (mut block_rows, moved) = (rows(prior), rows(moved));
+    block_rows[..M].copy_from_slice(&moved);
     let mut leading = SMatrix::<f64, N, M>::zeros();
     set_block(&mut leading, 0, 0, &noise);
-    absorb_leading(&mut leading, &mut rows);
-    let mut rest = SMatrix::from_diagonal(&block(q, M, 0));
-    absorb::<K, N>(&mut rest, block(&rows, M, 0));
+    absorb_rows(&mut leading, &mut block_rows);
+    let mut rest = SMatrix::<f64, K, K>::from_diagonal(&block(q, M, 0));
+    let mut left = [[0.0; N]; K];
+    left.copy_from_slice(&block_rows[M..]);
+    absorb_rows(&mut rest, &mut left);
     let mut factor = SMatrix::zeros();
     set_block(&mut factor, 0, 0, &leading);
     set_block(&mut factor, M, M, &rest);

@@ -4,24 +4,25 @@
 //! tyre sees, execute 1.5 (arc tangent), 4 (sine) and 6 times (hyperbolic tangent) as many instructions; these are exact
 //! to a few units in the last place, as the tests say.
 
+use super::four::Four;
 use std::f64::consts::PI;
-use wide::{f64x2, f64x4};
+use wide::f64x2;
 
 /// An angle and its tangent, both not negative.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Angle {
-    pub tangent: f64x4,
-    pub angle: f64x4,
+    pub tangent: Four,
+    pub angle: Four,
 }
 
 impl Angle {
     /// Goes to another tangent. If it is `nearby`, `atan x = atan x0 + atan((x - x0)/(1 + x x0))`, where the
     /// last angle is small and has a short series.
     #[inline(always)]
-    pub fn turn(&mut self, tangent: f64x4, nearby: bool) {
-        let t = (tangent - self.tangent) / (f64x4::ONE + tangent * self.tangent);
+    pub fn turn(&mut self, tangent: Four, nearby: bool) {
+        let t = (tangent - self.tangent) / (Four::ONE + tangent * self.tangent);
         self.tangent = tangent;
-        if !nearby || t.abs().simd_gt(f64x4::splat(0.125)).any() {
+        if !nearby || t.abs().greater(Four::splat(0.125)).any() {
             self.angle = arc_tangent(tangent);
             return;
         }
@@ -37,10 +38,10 @@ impl Angle {
 /// A polynomial from its even and its odd coefficients by Horner's scheme in `z²`: two chains of dependent
 /// operations, half as long as one.
 #[inline(always)]
-fn polynomial<const E: usize, const O: usize>(z: f64x4, even: [f64; E], odd: [f64; O]) -> f64x4 {
+fn polynomial<const E: usize, const O: usize>(z: Four, even: [f64; E], odd: [f64; O]) -> Four {
     let square = z * z;
     let horner = |coefficients: &[f64]| {
-        coefficients.iter().rev().map(|c| f64x4::splat(*c)).reduce(|sum, c| sum * square + c).unwrap_or(f64x4::ZERO)
+        coefficients.iter().rev().map(|c| Four::splat(*c)).reduce(|sum, c| sum * square + c).unwrap_or(Four::ZERO)
     };
     horner(&even) + z * horner(&odd)
 }
@@ -49,12 +50,12 @@ fn polynomial<const E: usize, const O: usize>(z: f64x4, even: [f64; E], odd: [f6
 /// atan((x - tan 60°)/(1 + x tan 60°))`, which leaves arguments up to tan(30°); there a Chebyshev
 /// interpolant in their square has a relative error of 4e-17 before rounding.
 #[inline(always)]
-pub(super) fn arc_tangent(x: f64x4) -> f64x4 {
+pub(super) fn arc_tangent(x: Four) -> Four {
     const TAN_30: f64 = 0.577_350_269_189_625_7;
     const TAN_60: f64 = 1.732_050_807_568_877_2;
-    let far = x.simd_gt(f64x4::splat(TAN_30));
-    let turned = far & f64x4::splat(TAN_60);
-    let t = (x - turned) / (f64x4::ONE + x * turned);
+    let far = x.greater(Four::splat(TAN_30));
+    let turned = far.select(Four::splat(TAN_60));
+    let t = (x - turned) / (Four::ONE + x * turned);
     let z = t * t;
     let series = polynomial(
         z,
@@ -76,15 +77,15 @@ pub(super) fn arc_tangent(x: f64x4) -> f64x4 {
             0.019776845738205054,
         ],
     );
-    (far & f64x4::FRAC_PI_3) + (t + t * (z * series))
+    far.select(Four::FRAC_PI_3) + (t + t * (z * series))
 }
 
 /// The sine for `|x| <= 3 pi / 2`, which the shape's range `C <= 2.2` never leaves. A Chebyshev
 /// interpolant in `x²` (relative error 4e-19 before rounding), without the range reduction of the library's.
 #[inline(always)]
-pub(super) fn sine(x: f64x4) -> f64x4 {
+pub(super) fn sine(x: Four) -> Four {
     let a = x.abs();
-    let t = a.fast_min(f64x4::splat(PI) - a);
+    let t = a.min(Four::splat(PI) - a);
     let series = polynomial(
         t * t,
         [1.0, 0.008333333333333186, 2.7557319211166023e-06, 1.6058940571674158e-10, 2.721486441670626e-15],
@@ -95,6 +96,7 @@ pub(super) fn sine(x: f64x4) -> f64x4 {
 
 /// Hyperbolic tangent; near zero, where the tyres work, by its continued fraction, which has a
 /// relative error below 3e-15 there.
+#[inline(always)]
 pub(super) fn tanh(x: f64x2) -> f64x2 {
     if x.abs().simd_gt(f64x2::splat(0.6)).any() {
         return f64x2::new(x.to_array().map(f64::tanh));
@@ -112,11 +114,11 @@ mod tests {
         for k in 0..=100_000 {
             let x = 1e-6 * 1.000_3_f64.powi(k) - 1e-6;
             let exact = x.atan();
-            let [whole, ..] = arc_tangent(f64x4::splat(x)).to_array();
+            let [whole, ..] = arc_tangent(Four::splat(x)).to_array();
             assert!((whole - exact).abs() <= 8e-16 * exact, "{x}");
             for near in [0.9 * x, x + 0.1, 3.0 * x] {
-                let mut angle = Angle { tangent: f64x4::splat(near), angle: arc_tangent(f64x4::splat(near)) };
-                angle.turn(f64x4::splat(x), true);
+                let mut angle = Angle { tangent: Four::splat(near), angle: arc_tangent(Four::splat(near)) };
+                angle.turn(Four::splat(x), true);
                 let [turned, ..] = angle.angle.to_array();
                 assert!((turned - exact).abs() <= 8e-16 * exact.max(near.atan()), "{x} from {near}");
             }
@@ -127,7 +129,7 @@ mod tests {
     fn sine_agrees_with_the_library() {
         for k in -47_000..=47_000 {
             let x = f64::from(k) * 1e-4;
-            let [near, far, ..] = sine(f64x4::new([x / 3.0, x, 0.0, 0.0])).to_array();
+            let [near, far, ..] = sine(Four::new([x / 3.0, x, 0.0, 0.0])).to_array();
             assert!((near - (x / 3.0).sin()).abs() <= 4e-16 * (x / 3.0).abs(), "{x}");
             assert!((far - x.sin()).abs() <= 1e-15, "{x}");
         }

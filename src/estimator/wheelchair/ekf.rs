@@ -265,7 +265,7 @@ impl<F> ChairEkf<F> {
         let robust = self.limits.outlier_threshold > 0.0 && self.gate.deviations <= 0.0;
         let impact =
             if robust { downweight(self.limits.outlier_threshold, belief, rows, &mut counters[ACCEL_X]) } else { 0.0 };
-        let before = drive.still.then(|| *belief); // only copied when it may be needed
+        let before = if drive.still { Some(*belief) } else { None };
         let sensors = ekf::correct(belief, rows, Some((self.gate, counters)))?;
         let Some(before) = before else {
             return Ok(Correction { nis: sensors.nis + impact, dof: sensors.dof, sensors });

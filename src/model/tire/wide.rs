@@ -2,8 +2,8 @@
 //! The definition is [`Tire`]; here it is rearranged so that no sine and no division is wasted.
 
 use super::Tire;
+use crate::model::four::Four;
 use crate::model::lanes::{Angle, arc_tangent, sine};
-use wide::f64x4;
 
 /// One number per wheel, in the order front left, front right, rear left, rear right.
 type Wheels = [f64; 4];
@@ -11,20 +11,20 @@ type Wheels = [f64; 4];
 /// The four tyres of a vehicle, lane by lane: front left, front right, rear left, rear right.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tires {
-    least_load: f64x4,
-    friction: f64x4,
-    friction_per_load: f64x4,
-    least_friction: f64x4,
-    stiffness_per_load: f64x4,
-    degression: f64x4,
-    shape: f64x4,
-    curvature: f64x4,
+    least_load: Four,
+    friction: Four,
+    friction_per_load: Four,
+    least_friction: Four,
+    stiffness_per_load: Four,
+    degression: Four,
+    shape: Four,
+    curvature: Four,
 }
 
 impl Tires {
     /// Two equal tyres in front, two at the rear.
     pub fn new(front: &Tire, rear: &Tire) -> Self {
-        let lanes = |value: &dyn Fn(&Tire) -> f64| f64x4::new([front, front, rear, rear].map(value));
+        let lanes = |value: &dyn Fn(&Tire) -> f64| Four::new([front, front, rear, rear].map(value));
         // sin(2 atan x) = 2x / (1 + x²), so that K = K0 f/Fz0 (1 + y²)/(1 + (f y/Fz0)²) with y = 1/c2, or y = 0
         let y = |t: &Tire| if t.load_sensitivity > 0.0 { 1.0 / t.degressive_share() } else { 0.0 };
         Self {
@@ -41,11 +41,11 @@ impl Tires {
 
     /// Peak forces `D`, N, and stiffness factors `B`, 1/rad.
     #[inline(always)]
-    fn peak_and_stiffness(&self, load: f64x4) -> (f64x4, f64x4) {
-        let f = load.fast_max(self.least_load);
-        let mu = (self.friction + self.friction_per_load * f).fast_max(self.least_friction);
+    fn peak_and_stiffness(&self, load: Four) -> (Four, Four) {
+        let f = load.max(self.least_load);
+        let mu = (self.friction + self.friction_per_load * f).max(self.least_friction);
         let bend = f * self.degression;
-        let b = self.stiffness_per_load / ((f64x4::ONE + bend * bend) * self.shape * mu);
+        let b = self.stiffness_per_load / ((Four::ONE + bend * bend) * self.shape * mu);
         (mu * f, b)
     }
 
@@ -54,19 +54,19 @@ impl Tires {
     /// `combined` takes the share of friction that the longitudinal forces (N) use away:
     /// [`Tire::lateral_share`].
     pub fn lateral_forces(&self, slip_angle: Wheels, load: Wheels, longitudinal: Wheels, combined: bool) -> Wheels {
-        let curves = self.curves(f64x4::new(load), f64x4::new(longitudinal), combined);
-        let [force] = self.on_curves(&[f64x4::new(slip_angle)], &[curves], &mut [Angles::default()], false);
+        let curves = self.curves(Four::new(load), Four::new(longitudinal), combined);
+        let [force] = self.on_curves(&[Four::new(slip_angle)], &[curves], &mut [Angles::default()], false);
         force.to_array()
     }
 
     /// The tyres' curves under loads, N.
     #[inline(always)]
-    pub(in crate::model) fn curves(&self, load: f64x4, longitudinal: f64x4, combined: bool) -> Curves {
+    pub(in crate::model) fn curves(&self, load: Four, longitudinal: Four, combined: bool) -> Curves {
         let (peak, stiffness) = self.peak_and_stiffness(load);
-        let mut height = load.simd_gt(f64x4::ZERO) & peak;
+        let mut height = load.greater(Four::ZERO).select(peak);
         if combined {
             let used = longitudinal / peak;
-            height *= (f64x4::ONE - used * used).fast_max(f64x4::ZERO).sqrt();
+            height *= (Four::ONE - used * used).max(Four::ZERO).sqrt();
         }
         Curves { height, stiffness }
     }
@@ -78,11 +78,11 @@ impl Tires {
     #[inline(always)]
     pub(in crate::model) fn on_curves<const K: usize>(
         &self,
-        slip_angle: &[f64x4; K],
+        slip_angle: &[Four; K],
         curves: &[Curves; K],
         angles: &mut [Angles; K],
         nearby: bool,
-    ) -> [f64x4; K] {
+    ) -> [Four; K] {
         // The curve is odd, and with E <= 1 nothing in it is negative for positive slip angles.
         for k in 0..K {
             angles[k].inner.turn(curves[k].stiffness * slip_angle[k].abs(), nearby);
@@ -90,8 +90,11 @@ impl Tires {
         for Angles { inner, outer } in angles.iter_mut() {
             outer.turn(inner.tangent - self.curvature * (inner.tangent - inner.angle), nearby);
         }
-        let force = |k: usize| curves[k].height * sine(self.shape * angles[k].outer.angle);
-        std::array::from_fn(|k| force(k).flip_signs(slip_angle[k]))
+        let mut force = [Four::ZERO; K];
+        for k in 0..K {
+            force[k] = (curves[k].height * sine(self.shape * angles[k].outer.angle)).flip_signs(slip_angle[k]);
+        }
+        force
     }
 
     /// [`Tire::cornering_stiffness`] at slip angles (rad) under loads (N), the forces reduced as in
@@ -103,13 +106,13 @@ impl Tires {
         longitudinal: Wheels,
         combined: bool,
     ) -> Wheels {
-        let Curves { height, stiffness } = self.curves(f64x4::new(load), f64x4::new(longitudinal), combined);
-        let straight = stiffness * f64x4::new(slip_angle).abs();
+        let Curves { height, stiffness } = self.curves(Four::new(load), Four::new(longitudinal), combined);
+        let straight = stiffness * Four::new(slip_angle).abs();
         let bent = straight - self.curvature * (straight - arc_tangent(straight));
-        let bending = f64x4::ONE - self.curvature + self.curvature / (f64x4::ONE + straight * straight);
+        let bending = Four::ONE - self.curvature + self.curvature / (Four::ONE + straight * straight);
         let turn = self.shape * arc_tangent(bent);
-        let cosine = sine(f64x4::FRAC_PI_2 - turn);
-        (height * cosine * self.shape / (f64x4::ONE + bent * bent) * bending * stiffness).to_array()
+        let cosine = sine(Four::FRAC_PI_2 - turn);
+        (height * cosine * self.shape / (Four::ONE + bent * bent) * bending * stiffness).to_array()
     }
 }
 
@@ -117,9 +120,9 @@ impl Tires {
 #[derive(Clone, Copy, Debug)]
 pub(in crate::model) struct Curves {
     /// Greatest forces, N.
-    height: f64x4,
+    height: Four,
     /// Stiffness factors `B`, 1/rad.
-    stiffness: f64x4,
+    stiffness: Four,
 }
 
 /// The angles inside the Magic Formula.

@@ -3,6 +3,7 @@
 
 use super::{Drive, GRAVITY, Motion, Unknowns, WheelLoader};
 use crate::model::lanes::tanh;
+use multiversion::multiversion;
 use nalgebra::{SMatrix, Vector3};
 use wide::f64x2;
 
@@ -76,11 +77,13 @@ pub(super) struct ByUnknown {
 }
 
 /// `[x, -x]`: what one axle gains the other one loses.
+#[inline(always)]
 fn opposite(x: f64) -> Axles {
     Axles::new([x, -x])
 }
 
 /// Smooth sign with its derivative.
+#[inline(always)]
 fn smooth_sign(x: f64, width: f64) -> (f64, f64) {
     let ratio = x / width;
     if ratio.abs() > 20.0 {
@@ -115,6 +118,7 @@ impl<'a> Driven<'a> {
     }
 
     /// Friction demand `mu(x)` with its derivative.
+    #[inline(always)]
     fn friction_demand(&self, x: Axles) -> (Axles, Axles) {
         if self.per_friction > 0.0 {
             let t = tanh(x * self.per_friction);
@@ -194,6 +198,7 @@ impl<'a> Driven<'a> {
     }
 
     /// Brake torques against the wheels' rotation and how they change `w'` with `w`.
+    #[inline(always)]
     fn braking(&self, r: Axles, w: Axles) -> (Axles, Axles) {
         let [front, rear] = (r * w).to_array().map(|rolling| smooth_sign(rolling, self.model.rolling.smoothing_speed));
         let by_speed = Axles::new([front.1, rear.1]);
@@ -229,16 +234,7 @@ impl<'a> Driven<'a> {
 
     /// [`WheelLoader::advance`] with wheels of radius `radius`.
     pub fn advance(&self, radius: [f64; 2], x: &Motion, p: &Unknowns, dt: f64, substeps: u32) -> Motion {
-        let (hs, r) = (dt / f64::from(substeps), Axles::new(radius));
-        let mut x = (x[0], Axles::new([x[1], x[2]]));
-        for _ in 0..substeps {
-            let at = self.at(x, r, p);
-            let step = Implicit::new(&at, hs).solve((at.rates.0 * hs, at.rates.1 * hs));
-            if let Some(moved) = moved(x, step) {
-                x = moved;
-            }
-        }
-        vector(x)
+        advance(self, radius, x, p, dt, substeps)
     }
 
     /// [`WheelLoader::advance_linearised`] with wheels of radius `radius`: the derivatives to the first `N`
@@ -297,6 +293,20 @@ impl<'a> Driven<'a> {
             (r.0 * w_r, r.1 * w_r + Axles::new([0.0, force_r])),
         ]
     }
+}
+
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn advance(driven: &Driven, radius: [f64; 2], x: &Motion, p: &Unknowns, dt: f64, substeps: u32) -> Motion {
+    let (hs, r) = (dt / f64::from(substeps), Axles::new(radius));
+    let mut x = (x[0], Axles::new([x[1], x[2]]));
+    for _ in 0..substeps {
+        let at = driven.at(x, r, p);
+        let step = Implicit::new(&at, hs).solve((at.rates.0 * hs, at.rates.1 * hs));
+        if let Some(moved) = moved(x, step) {
+            x = moved;
+        }
+    }
+    vector(x)
 }
 
 impl At {

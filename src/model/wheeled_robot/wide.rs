@@ -2,20 +2,21 @@
 //! cost. The definition is [`WheeledRobot::forces`]; here what all states share is worked out once per drive.
 
 use super::{Drive, Forces, GRAVITY, Motion, ROUNDS, Vehicle, WheeledRobot, Wheels};
+use crate::model::four::Four;
 use crate::model::lanes::arc_tangent;
 use crate::model::tire::{Angles, Curves};
-use wide::f64x4;
+use multiversion::multiversion;
 
 /// The vehicle under a drive: all that is the same in every state, worked out once, so that a filter can ask
 /// about many states.
 #[derive(Clone, Debug)]
 pub struct Driven<'a> {
     model: &'a WheeledRobot,
-    longitudinal: f64x4,
+    longitudinal: Four,
     /// Sines and cosines of the wheels' steering angles, and the hubs' places to the left and forward.
-    steering: (f64x4, f64x4),
-    left: f64x4,
-    forward: f64x4,
+    steering: (Four, Four),
+    left: Four,
+    forward: Four,
     /// The specific forces and the yaw acceleration by the longitudinal forces alone.
     alone: [f64; 3],
     /// Acceleration per lateral force: both front wheels' forward and to the left, both rear wheels' to the left.
@@ -24,7 +25,7 @@ pub struct Driven<'a> {
     turning: Wheels,
     transfer: Transfer,
     /// Loads and curves of the first round.
-    first: (f64x4, Curves),
+    first: (Four, Curves),
 }
 
 impl<'a> Driven<'a> {
@@ -38,14 +39,14 @@ impl<'a> Driven<'a> {
         let front_fx = fx[0] + fx[1];
         let moment = lf * front_fx * s + half_front * c * (fx[1] - fx[0]) + half_rear * (fx[3] - fx[2]);
         let alone = [(front_fx * c + fx[2] + fx[3]) * per_mass, front_fx * s * per_mass, moment * per_inertia];
-        let (transfer, longitudinal) = (Transfer::new(v), f64x4::new(*fx));
+        let (transfer, longitudinal) = (Transfer::new(v), Four::new(*fx));
         let load = transfer.loads(alone[0], 0.0);
         Self {
             model,
             longitudinal,
-            steering: (f64x4::new([s, s, 0.0, 0.0]), f64x4::new([c, c, 1.0, 1.0])),
-            left: f64x4::new([half_front, -half_front, half_rear, -half_rear]),
-            forward: f64x4::new([lf, lf, -lr, -lr]),
+            steering: (Four::new([s, s, 0.0, 0.0]), Four::new([c, c, 1.0, 1.0])),
+            left: Four::new([half_front, -half_front, half_rear, -half_rear]),
+            forward: Four::new([lf, lf, -lr, -lr]),
             alone,
             per_force: [-s * per_mass, c * per_mass, per_mass],
             turning: [lf * c + half_front * s, lf * c - half_front * s, -lr, -lr].map(|arm| arm * per_inertia),
@@ -55,17 +56,17 @@ impl<'a> Driven<'a> {
     }
 
     #[inline(always)]
-    fn hubs(&self, x: &Motion) -> (f64x4, f64x4) {
-        let [vx, vy, r] = x.map(f64x4::splat);
+    fn hubs(&self, x: &Motion) -> (Four, Four) {
+        let [vx, vy, r] = x.map(Four::splat);
         let (ux, uy) = (vx - r * self.left, vy + r * self.forward);
         let (s, c) = self.steering;
         (ux * c + uy * s, uy * c - ux * s)
     }
 
     #[inline(always)]
-    fn slip(&self, x: &Motion) -> f64x4 {
+    fn slip(&self, x: &Motion) -> Four {
         let (along, across) = self.hubs(x);
-        let speed = along.abs().fast_max(f64x4::splat(self.model.minimum_speed));
+        let speed = along.abs().max(Four::splat(self.model.minimum_speed));
         arc_tangent(across.abs() / speed).flip_signs(-across)
     }
 
@@ -85,8 +86,7 @@ impl<'a> Driven<'a> {
     /// these on loads: four rounds of a fixed point, begun without lateral forces.
     #[inline]
     pub fn forces_of<const K: usize>(&self, x: &[Motion; K]) -> [Forces; K] {
-        let slip = x.map(|x| self.slip(&x));
-        let (load, lateral) = self.loads_and_forces(&slip);
+        let (slip, load, lateral) = loads_and_forces(self, x);
         std::array::from_fn(|k| {
             let lateral = lateral[k].to_array();
             let [accel_x, accel_y, yaw_acceleration] = self.accelerations(&lateral);
@@ -98,27 +98,8 @@ impl<'a> Driven<'a> {
     /// The specific forces at the centre of gravity, m/s², and the yaw acceleration, rad/s², in several states.
     #[inline]
     pub fn accelerations_of<const K: usize>(&self, x: &[Motion; K]) -> [[f64; 3]; K] {
-        let (_, lateral) = self.loads_and_forces(&x.map(|x| self.slip(&x)));
+        let (.., lateral) = loads_and_forces(self, x);
         lateral.map(|lateral| self.accelerations(&lateral.to_array()))
-    }
-
-    #[inline(always)]
-    fn loads_and_forces<const K: usize>(&self, slip: &[f64x4; K]) -> ([f64x4; K], [f64x4; K]) {
-        let (tires, combined) = (&self.model.tires, self.model.tire.combined);
-        let mut load = [self.first.0; K];
-        let mut curves = [self.first.1; K];
-        let mut angles = [Angles::default(); K];
-        let mut lateral = tires.on_curves(slip, &curves, &mut angles, false);
-        for _ in 1..ROUNDS {
-            for k in 0..K {
-                let [accel_x, accel_y, _] = self.accelerations(&lateral[k].to_array());
-                load[k] = self.transfer.loads(accel_x, accel_y);
-                curves[k] = tires.curves(load[k], self.longitudinal, combined);
-            }
-            // from round to round the angles hardly change
-            lateral = tires.on_curves(slip, &curves, &mut angles, true);
-        }
-        (load, lateral)
     }
 
     /// The specific forces at the centre of gravity, m/s², and the yaw acceleration, rad/s², under lateral forces.
@@ -145,6 +126,29 @@ impl<'a> Driven<'a> {
     }
 }
 
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn loads_and_forces<const K: usize>(driven: &Driven, x: &[Motion; K]) -> ([Four; K], [Four; K], [Four; K]) {
+    let (tires, combined) = (&driven.model.tires, driven.model.tire.combined);
+    let mut slip = [Four::ZERO; K];
+    for k in 0..K {
+        slip[k] = driven.slip(&x[k]);
+    }
+    let mut load = [driven.first.0; K];
+    let mut curves = [driven.first.1; K];
+    let mut angles = [Angles::default(); K];
+    let mut lateral = tires.on_curves(&slip, &curves, &mut angles, false);
+    for _ in 1..ROUNDS {
+        for k in 0..K {
+            let [accel_x, accel_y, _] = driven.accelerations(&lateral[k].to_array());
+            load[k] = driven.transfer.loads(accel_x, accel_y);
+            curves[k] = tires.curves(load[k], driven.longitudinal, combined);
+        }
+        // from round to round the angles hardly change
+        lateral = tires.on_curves(&slip, &curves, &mut angles, true);
+    }
+    (slip, load, lateral)
+}
+
 /// Load transfer, loads per acceleration.
 #[derive(Clone, Debug)]
 struct Transfer {
@@ -152,7 +156,7 @@ struct Transfer {
     front: f64,
     pitch: f64,
     /// Of each wheel, to the left positive.
-    roll: f64x4,
+    roll: Four,
 }
 
 impl Transfer {
@@ -165,16 +169,16 @@ impl Transfer {
             weight,
             front: weight * v.cg_to_rear / base,
             pitch: lever,
-            roll: f64x4::new([-front, front, -rear, rear]),
+            roll: Four::new([-front, front, -rear, rear]),
         }
     }
 
     #[inline(always)]
-    fn loads(&self, accel_x: f64, accel_y: f64) -> f64x4 {
+    fn loads(&self, accel_x: f64, accel_y: f64) -> Four {
         let front = 0.5 * (self.front - self.pitch * accel_x).max(0.0).min(self.weight);
         let rear = 0.5 * self.weight - front;
-        let half = f64x4::new([front, front, rear, rear]);
-        half + (self.roll * f64x4::splat(accel_y)).fast_max(-half).fast_min(half)
+        let half = Four::new([front, front, rear, rear]);
+        half + (self.roll * Four::splat(accel_y)).max(-half).min(half)
     }
 }
 
