@@ -224,18 +224,11 @@ impl Map {
                 *weighted = w * value;
             }
         }
-        let n = self.x.len();
-        let (diagonal, lower) = self.ldl.values_mut();
-        diagonal.copy_from_slice(&self.constant[..n]);
-        lower.copy_from_slice(&self.constant[n..]);
+        let values = self.ldl.values_mut();
+        values.copy_from_slice(&self.constant);
         for product in &self.products {
-            let value = self.weighted[product.weighted as usize] * numbers.value[product.plain as usize];
-            let slot = product.slot as usize;
-            if slot < n {
-                diagonal[slot] += value;
-            } else {
-                lower[slot - n] += value;
-            }
+            values[product.slot as usize] +=
+                self.weighted[product.weighted as usize] * numbers.value[product.plain as usize];
         }
     }
 
@@ -257,7 +250,11 @@ impl Map {
     fn mean_by_ldl(&mut self, numbers: &Numbers) -> bool {
         self.x.fill(0.0);
         let mut settled = false;
-        for _ in 0..=CORRECTIONS {
+        for pass in 0..=CORRECTIONS {
+            // A correction leaves about its own square: what the first one brings to `SETTLED` the next one would not move.
+            if pass > 1 && settled {
+                break;
+            }
             self.descend(numbers);
             for (slot, &unknown) in self.work.iter_mut().zip(self.ldl.order()) {
                 *slot = self.gradient[unknown as usize];

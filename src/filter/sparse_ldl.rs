@@ -24,9 +24,8 @@ pub struct SparseLdl {
     row: Vec<u32>,
     /// For each column and each pair of its rows `i > k`, where `(i, k)` is in `row`.
     target: Vec<u32>,
-    /// The matrix, then its factor: diagonals and strictly lower parts.
-    diagonal: Vec<f64>,
-    lower: Vec<f64>,
+    /// The matrix, then its factor: first the diagonal, then the strictly lower part.
+    values: Vec<f64>,
     /// Largest ratio of a diagonal entry to its pivot in the last factorisation.
     cancellation: f64,
     original: Vec<f64>,
@@ -86,8 +85,7 @@ impl SparseLdl {
             start,
             row,
             target,
-            diagonal: vec![0.0; n],
-            lower: vec![0.0; nonzeros],
+            values: vec![0.0; n + nonzeros],
             cancellation: 1.0,
             original: vec![0.0; n],
             inverse_diagonal: vec![0.0; n],
@@ -131,18 +129,19 @@ impl SparseLdl {
         Some(self.len() + self.start[low] + found)
     }
 
-    /// The matrix to be factored: diagonals and strictly lower entries.
-    pub fn values_mut(&mut self) -> (&mut [f64], &mut [f64]) {
-        (&mut self.diagonal, &mut self.lower)
+    /// The matrix to be factored, slot by slot.
+    pub fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values
     }
 
     /// Factors the matrix in place.
     pub fn factor(&mut self) -> Result<(), BadPivot> {
+        let (diagonal, lower) = self.values.split_at_mut(self.order.len());
         let mut targets = self.target.as_slice();
-        self.original.copy_from_slice(&self.diagonal);
+        self.original.copy_from_slice(diagonal);
         self.cancellation = 1.0;
         for j in 0..self.order.len() {
-            let pivot = self.diagonal[j];
+            let pivot = diagonal[j];
             if !(pivot > 0.0 && pivot < f64::INFINITY) {
                 return Err(BadPivot { unknown: self.order[j] as usize });
             }
@@ -150,17 +149,17 @@ impl SparseLdl {
             self.cancellation = self.cancellation.max(self.original[j] * inverse);
             let (from, to) = (self.start[j], self.start[j + 1]);
             let column = &mut self.column[..to - from];
-            column.copy_from_slice(&self.lower[from..to]);
+            column.copy_from_slice(&lower[from..to]);
             for (k, &r) in self.row[from..to].iter().enumerate() {
                 let l = column[k] * inverse;
-                self.diagonal[r as usize] -= l * column[k];
+                diagonal[r as usize] -= l * column[k];
                 let rest = &column[k + 1..];
                 let (now, later) = targets.split_at(rest.len());
                 targets = later;
                 for (&x, &t) in rest.iter().zip(now) {
-                    self.lower[t as usize] -= l * x;
+                    lower[t as usize] -= l * x;
                 }
-                self.lower[from + k] = l;
+                lower[from + k] = l;
             }
         }
         Ok(())
@@ -168,7 +167,7 @@ impl SparseLdl {
 
     /// The diagonal of `D` after a factorisation; their product is the determinant.
     pub fn pivots(&self) -> &[f64] {
-        &self.diagonal
+        &self.values[..self.order.len()]
     }
 
     /// How many times larger a diagonal entry was than the pivot that was left of it, at worst. The
@@ -181,17 +180,18 @@ impl SparseLdl {
     /// of elimination; see [`order`](Self::order).
     pub fn solve(&self, x: &mut [f64]) {
         let n = self.order.len();
+        let (diagonal, lower) = self.values.split_at(n);
         for j in 0..n {
             let xj = x[j];
             let (from, to) = (self.start[j], self.start[j + 1]);
-            for (&r, &l) in self.row[from..to].iter().zip(&self.lower[from..to]) {
+            for (&r, &l) in self.row[from..to].iter().zip(&lower[from..to]) {
                 x[r as usize] -= l * xj;
             }
         }
         for j in (0..n).rev() {
             let (from, to) = (self.start[j], self.start[j + 1]);
-            let mut xj = x[j] / self.diagonal[j];
-            for (&r, &l) in self.row[from..to].iter().zip(&self.lower[from..to]) {
+            let mut xj = x[j] / diagonal[j];
+            for (&r, &l) in self.row[from..to].iter().zip(&lower[from..to]) {
                 xj -= l * x[r as usize];
             }
             x[j] = xj;
@@ -205,11 +205,12 @@ impl SparseLdl {
 
     /// Computes the inverse at the pattern of `L`, from the last column to the first.
     pub fn invert(&mut self) {
+        let (diagonal, lower) = self.values.split_at(self.order.len());
         let mut remaining = self.target.len();
         for j in (0..self.order.len()).rev() {
             let (from, to) = (self.start[j], self.start[j + 1]);
             let width = to - from;
-            let l = &self.lower[from..to];
+            let l = &lower[from..to];
             let sum = &mut self.sum[..width];
             sum.fill(0.0);
             let first = remaining - width * width.saturating_sub(1) / 2;
@@ -227,7 +228,7 @@ impl SparseLdl {
                 }
                 sum[k] += own;
             }
-            let mut diagonal = 1.0 / self.diagonal[j];
+            let mut diagonal = 1.0 / diagonal[j];
             for ((&s, &l), z) in sum.iter().zip(l).zip(&mut self.inverse_lower[from..to]) {
                 *z = -s;
                 diagonal += l * s;
