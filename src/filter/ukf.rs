@@ -25,20 +25,25 @@ pub struct Channel {
 
 /// Moves the belief through `f` (process noise is added by the caller). Returns whether the
 /// covariance had to be repaired; `None`, with the belief unchanged, if it is not finite.
-pub fn predict<const N: usize>(
+///
+/// `f` takes all `P = 2N + 1` points at once, the mean first, which a processor may evaluate side by side.
+pub fn predict<const N: usize, const P: usize>(
     belief: &mut Gaussian<N>,
     transform: &UnscentedTransform,
-    f: impl Fn(&SVector<f64, N>) -> SVector<f64, N>,
+    f: impl Fn(&[SVector<f64, N>; P]) -> [SVector<f64, N>; P],
 ) -> Option<bool> {
+    const { assert!(P == 2 * N + 1, "there are two points per state, and the mean") };
     let (root, repaired) = robust_cholesky(&belief.covariance)?;
-    let centre = f(&belief.mean);
-    let mut forward = [SVector::<f64, N>::zeros(); N];
-    let mut backward = [SVector::<f64, N>::zeros(); N];
-    let mut mean = centre * transform.mean;
+    let mut points = [belief.mean; P];
     for j in 0..N {
         let offset = root.column(j) * transform.distance;
-        forward[j] = f(&(belief.mean + offset));
-        backward[j] = f(&(belief.mean - offset));
+        points[1 + j] += offset;
+        points[1 + N + j] -= offset;
+    }
+    let moved = f(&points);
+    let (centre, forward, backward) = (moved[0], &moved[1..=N], &moved[1 + N..]);
+    let mut mean = centre * transform.mean;
+    for j in 0..N {
         mean += (forward[j] + backward[j]) * transform.outer;
     }
     let from_centre = centre - mean;

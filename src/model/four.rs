@@ -22,10 +22,12 @@ impl Four {
     pub const FRAC_PI_2: Self = Self([FRAC_PI_2; 4]);
     pub const FRAC_PI_3: Self = Self([FRAC_PI_3; 4]);
 
+    #[inline(always)]
     pub const fn new(lanes: [f64; 4]) -> Self {
         Self(lanes)
     }
 
+    #[inline(always)]
     pub const fn splat(x: f64) -> Self {
         Self([x; 4])
     }

@@ -1,7 +1,7 @@
 //! What moves: equations of motion `f`, measurements `h` and their Jacobians, in the notation and
 //! with the equation numbers of the sources. Knows no filter.
 
-mod four;
+pub(crate) mod four;
 mod lanes;
 pub mod multibody;
 pub mod nursing_robot;

@@ -37,6 +37,7 @@
 //! * The paper's factor `delta` on the mass would change with the load; wheels do not: `m_rot` is added.
 
 mod lagrange;
+mod wide;
 
 pub use lagrange::{Lagrange, Matrix5, Position, Velocity};
 
@@ -254,6 +255,21 @@ impl Lean {
         Self { phi, sin, cos }
     }
 
+    /// Sine and cosine of an angle of at most [`NEAR`](Self::NEAR) by their series, of a number or of several side by side.
+    #[inline(always)]
+    fn small_angle<T>(d: T, number: impl Fn(f64) -> T) -> (T, T)
+    where
+        T: Copy + std::ops::Add<Output = T> + std::ops::Mul<Output = T>,
+    {
+        let [s3, s5, s7, s9] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0].map(&number);
+        let [c2, c4, c6] = [-0.5, 1.0 / 24.0, -1.0 / 720.0].map(&number);
+        let [c8, c10] = [1.0 / 40_320.0, -1.0 / 3_628_800.0].map(&number);
+        let square = d * d;
+        let s = d + d * square * (s3 + square * (s5 + square * (s7 + square * s9)));
+        let c = number(1.0) + square * (c2 + square * (c4 + square * (c6 + square * (c8 + square * c10))));
+        (s, c)
+    }
+
     /// At `phi` nearby, by the sum of angles: a third of the cost of a sine and a cosine.
     pub fn moved_to(&self, phi: f64) -> Self {
         let d = phi - self.phi;
@@ -261,11 +277,7 @@ impl Lean {
         if !near {
             return Self::new(phi);
         }
-        let [s3, s5, s7, s9] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0];
-        let [c4, c6, c8, c10] = [1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0, -1.0 / 3_628_800.0];
-        let square = d * d;
-        let s = d + d * square * (s3 + square * (s5 + square * (s7 + square * s9)));
-        let c = 1.0 + square * (-0.5 + square * (c4 + square * (c6 + square * (c8 + square * c10))));
+        let (s, c) = Self::small_angle(d, |x| x);
         Self { phi, sin: self.sin * c + self.cos * s, cos: self.cos * c - self.sin * s }
     }
 }

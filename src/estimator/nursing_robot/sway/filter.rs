@@ -59,17 +59,17 @@ impl SwayEstimator {
         let (z, before) = (sample.channels, *state);
         let done = match before.belief {
             SwayBelief::Two(mut belief) => {
-                let done = self.filter(state, &mut belief, &step, z);
+                let done = self.filter::<2, 5>(state, &mut belief, &step, z);
                 state.belief = SwayBelief::Two(belief);
                 done
             }
             SwayBelief::Three(mut belief) => {
-                let done = self.filter(state, &mut belief, &step, z);
+                let done = self.filter::<3, 7>(state, &mut belief, &step, z);
                 state.belief = SwayBelief::Three(belief);
                 done
             }
             SwayBelief::Four(mut belief) => {
-                let done = self.filter(state, &mut belief, &step, z);
+                let done = self.filter::<4, 9>(state, &mut belief, &step, z);
                 state.belief = SwayBelief::Four(belief);
                 done
             }
@@ -94,7 +94,7 @@ impl SwayEstimator {
     }
 
     /// Time and measurement update; `None` if what came out is no Gaussian.
-    fn filter<const N: usize>(
+    fn filter<const N: usize, const P: usize>(
         &self,
         state: &mut SwayState,
         belief: &mut Gaussian<N>,
@@ -107,7 +107,7 @@ impl SwayEstimator {
         }
         let mut repaired = false;
         if step.dt > 0.0 {
-            repaired = ukf::predict(belief, &self.transform, |x| step.propagate(x))?;
+            repaired = ukf::predict(belief, &self.transform, |x: &[_; P]| step.propagate_all(x))?;
             self.add_noise(belief, step, state.scale.scale);
         }
         let (mut status, innovation) = self.correct(state, belief, step, &z);

@@ -2,8 +2,10 @@
 
 use super::{Form, SwayEstimator, SwayState};
 use crate::filter::discretise::runge_kutta;
+use crate::model::four::Four;
 use crate::model::nursing_robot::{Human, Lean, Planar};
-use nalgebra::SVector;
+use multiversion::multiversion;
+use nalgebra::{SMatrix, SVector};
 
 /// What is constant during one step.
 pub(super) struct Step<'a> {
@@ -52,6 +54,26 @@ impl Step<'_> {
         }
     }
 
+    /// [`propagate`](Self::propagate) of several states, four at a time.
+    pub(super) fn propagate_all<const N: usize, const P: usize>(
+        &self,
+        x: &[SVector<f64, N>; P],
+    ) -> [SVector<f64, N>; P] {
+        if matches!(self.form, Form::PaperRaw | Form::Paper) {
+            return x.map(|x| self.propagate(&x));
+        }
+        let mut moved = *x;
+        for (moved, x) in moved.chunks_mut(4).zip(x.chunks(4)) {
+            // one state per row; those that are missing at the end are the first one again
+            let rows = SMatrix::<f64, 4, N>::from_fn(|lane, i| x[if lane < x.len() { lane } else { 0 }][i]);
+            let rows = advance(self, &rows);
+            for (lane, moved) in moved.iter_mut().enumerate() {
+                *moved = SVector::from_fn(|i, _| rows[(lane, i)]);
+            }
+        }
+        moved
+    }
+
     fn derivative<const N: usize>(&self, x: &SVector<f64, N>) -> SVector<f64, N> {
         let (v_dot, phi_ddot) = self.acceleration(x, &self.lean.moved_to(x[1]));
         let active = if N > 3 { x[3] } else { 0.0 };
@@ -66,6 +88,26 @@ impl Step<'_> {
         }
         let force = self.force - self.planar.rolling_resistance(x[0]);
         self.planar.acceleration(force, lean, x[2], self.omega, active)
+    }
+
+    /// [`derivative`](Self::derivative) of four states, one per row.
+    #[inline(always)]
+    fn derivatives<const N: usize>(&self, x: &SMatrix<f64, 4, N>) -> SMatrix<f64, 4, N> {
+        let [v, phi, phi_dot] = [0, 1, 2].map(|i| Four::new(x.data.0[i]));
+        let active = if N > 3 { Four::new(x.data.0[3]) } else { Four::ZERO };
+        let leans = self.lean.moved_to_each(phi);
+        let (v_dot, phi_ddot) = if self.held {
+            (Four::ZERO, self.planar.held_accelerations(&leans, phi_dot, self.omega, active))
+        } else {
+            let force = Four::splat(self.force) - self.planar.rolling_resistances(v);
+            self.planar.accelerations(force, &leans, phi_dot, self.omega, active)
+        };
+        let fading = -active / Four::splat(self.torque_time);
+        let mut rates = SMatrix::zeros();
+        for (column, rate) in rates.data.0.iter_mut().zip([v_dot, phi_dot, phi_ddot, fading]) {
+            *column = rate.to_array();
+        }
+        rates
     }
 
     /// Force of the swaying body, N.
@@ -85,4 +127,10 @@ impl Step<'_> {
             _ => self.planar.paper_force(phi),
         }
     }
+}
+
+/// Four states one step later, one per row.
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn advance<const N: usize>(step: &Step, x: &SMatrix<f64, 4, N>) -> SMatrix<f64, 4, N> {
+    runge_kutta(x, step.dt, |x| step.derivatives(x))
 }
