@@ -11,6 +11,7 @@ mod between;
 #[cfg(feature = "can")]
 mod can;
 pub mod columns;
+mod compact;
 mod csv;
 mod error;
 pub mod guard;
@@ -25,9 +26,11 @@ mod parquet;
 pub mod progress;
 mod recording;
 mod sampling;
+mod table;
 
 pub use columns::ColumnMap;
 pub use error::{LogError, listed};
+pub use table::{Samples, TableColumn};
 
 use crate::progress::Progress;
 use std::path::Path;
@@ -207,7 +210,17 @@ impl Log {
         inputs: Option<&[Input]>,
         progress: &Progress,
     ) -> Result<Self, LogError> {
-        let mut recording = record(path, map, progress)?;
+        Self::finish(record(path, map, progress)?, path, map, inputs, progress)
+    }
+
+    /// Joins the files that the map names and puts the log together; `path` is the log's.
+    fn finish(
+        mut recording: recording::Recording,
+        path: &Path,
+        map: Option<&ColumnMap>,
+        inputs: Option<&[Input]>,
+        progress: &Progress,
+    ) -> Result<Self, LogError> {
         for join in map.iter().flat_map(|map| &map.joins) {
             let map = map.expect("its joins");
             let other = map.path(&join.path(path));

@@ -36,6 +36,19 @@ impl Progress {
         Self { bar: Some(bar), ..Self::default() }
     }
 
+    /// Shows nothing and remembers what it is told: for programs with a display of their own, which look at
+    /// [`now`](Self::now).
+    pub fn silent() -> Self {
+        Self { bar: Some(ProgressBar::hidden()), ..Self::default() }
+    }
+
+    /// What is being done and how far it is, 0 to 1; nothing before the first part of the work and after the last.
+    pub fn now(&self) -> Option<(String, f64)> {
+        let bar = self.bar.as_ref().filter(|bar| !bar.is_finished())?;
+        let length = bar.length()?;
+        Some((bar.message(), (bar.position() as f64 / length as f64).min(1.0)))
+    }
+
     /// Begins a part of the work of `total` equal pieces, as in `start("reading log.csv", 3_600)`.
     pub fn start(&self, what: impl Into<String>, total: u64) {
         let Some(bar) = &self.bar else { return };

@@ -7,3 +7,4 @@ mod log;
 mod maps;
 mod measurement;
 mod mf4;
+mod table;

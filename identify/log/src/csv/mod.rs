@@ -8,13 +8,15 @@ mod dialect;
 mod rows;
 mod source;
 
+pub(super) use dialect::name_and_unit;
+
 use super::columns::CsvOptions;
 use super::error::quoted;
 use super::recording::{Clock, Column, Group, Place, Recording, Values};
 use super::{Log, LogError};
 use crate::progress::Progress;
 use cell::Kind;
-use dialect::{Dialect, bare, name_and_unit};
+use dialect::{Dialect, bare};
 use rows::{Row, Rows};
 use source::Source;
 use std::fs::File;
