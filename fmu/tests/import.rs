@@ -71,7 +71,7 @@ fn the_callbacks_have_the_layout_of_the_headers() {
 /// The FMU of a model, imported.
 fn import(model: &Model) -> Fmi2Import {
     let deps = std::env::current_exe().unwrap().parent().unwrap().to_owned();
-    let library = Library { platform: "linux64".to_owned(), path: deps.join("libwheelstate_fmu.so") };
+    let library = Library { platform: "linux64".to_owned(), path: deps.join("libwheelstate_fmu.so"), content: None };
     let folder = tempfile::tempdir().unwrap();
     fmi::import::from_path(write(model, &[library], folder.path()).unwrap()).unwrap()
 }

@@ -28,8 +28,10 @@ const PLATFORMS: [Platform; 5] = [
 pub struct Library {
     /// Name of the folder below `binaries`, as `linux64`.
     pub platform: String,
-    /// The file.
+    /// The file; for a library out of an FMU, the FMU.
     pub path: PathBuf,
+    /// The bytes, if the file is not the library itself.
+    pub content: Option<Vec<u8>>,
 }
 
 fn platform(folder: &str) -> Result<&'static Platform, String> {
@@ -87,7 +89,7 @@ impl Library {
             return Err("platform=library is expected, as in win64=target/wheelstate_fmu.dll".to_owned());
         };
         platform(folder)?;
-        let library = Self { platform: folder.to_owned(), path: path.into() };
+        let library = Self { platform: folder.to_owned(), path: path.into(), content: None };
         library.read().map(|_| library).map_err(|error| error.to_string())
     }
 
@@ -102,7 +104,7 @@ impl Library {
             let prefix = if *system == "windows" { "" } else { "lib" };
             let path = folder.join(name).join(format!("{prefix}wheelstate_fmu{}", ending(system)));
             if path.is_file() {
-                found.push(Self { platform: (*name).to_owned(), path });
+                found.push(Self { platform: (*name).to_owned(), path, content: None });
             }
         }
         if found.is_empty() {
@@ -111,10 +113,38 @@ impl Library {
         Ok(found)
     }
 
+    /// The libraries of an FMU that was packed with start values of its own machine alone.
+    pub fn of_fmu(path: &Path) -> Result<Vec<Self>, PackError> {
+        let refuse = |why: String| PackError(format!("{}: {why}", path.display()));
+        let file = std::fs::File::open(path).map_err(|error| refuse(error.to_string()))?;
+        let mut archive = zip::ZipArchive::new(file).map_err(|error| refuse(error.to_string()))?;
+        let names: Vec<String> = archive.file_names().filter_map(|name| Some(name.ok()?.into_owned())).collect();
+        let mut found = Vec::new();
+        for Platform { folder, system, machine, .. } in &PLATFORMS {
+            let Some(name) = names.iter().find(|name| name.starts_with(&format!("binaries/{folder}/"))) else {
+                continue;
+            };
+            let mut bytes = Vec::new();
+            let mut entry = archive.by_name(name).map_err(|error| refuse(error.to_string()))?;
+            std::io::Read::read_to_end(&mut entry, &mut bytes).map_err(|error| refuse(error.to_string()))?;
+            // an ARM library may stand in for another, and stands in its own folder as well
+            if target(&bytes) == Some((*system, *machine)) {
+                found.push(Self { platform: (*folder).to_owned(), path: path.to_owned(), content: Some(bytes) });
+            }
+        }
+        if found.is_empty() {
+            return Err(refuse("it has no library for any platform that is known".to_owned()));
+        }
+        Ok(found)
+    }
+
     /// The file's content, if it is a library for the platform.
     pub fn read(&self) -> Result<Vec<u8>, PackError> {
         let refuse = |why: String| PackError(format!("library {}: {why}", self.path.display()));
-        let bytes = std::fs::read(&self.path).map_err(|error| refuse(error.to_string()))?;
+        let bytes = match &self.content {
+            Some(bytes) => bytes.clone(),
+            None => std::fs::read(&self.path).map_err(|error| refuse(error.to_string()))?,
+        };
         let wanted = platform(&self.platform).map_err(&refuse)?;
         match target(&bytes) {
             Some((system, machine)) if (system, machine) == (wanted.system, wanted.machine) => Ok(bytes),
@@ -148,7 +178,7 @@ impl Library {
         })?;
         let own = PLATFORMS.iter().find(|platform| (platform.system, platform.machine) == (OS, ARCH));
         let own = own.ok_or_else(|| PackError(format!("an FMU has no platform for {ARCH} {OS}")))?;
-        Ok(Self { platform: own.folder.to_owned(), path })
+        Ok(Self { platform: own.folder.to_owned(), path, content: None })
     }
 
     /// Whether the system refuses the library if its bytes are changed.
@@ -171,7 +201,7 @@ mod tests {
     use super::*;
 
     fn library(platform: &str) -> Library {
-        Library { platform: platform.to_owned(), path: PathBuf::new() }
+        Library { platform: platform.to_owned(), path: PathBuf::new(), content: None }
     }
 
     #[test]

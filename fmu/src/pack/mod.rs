@@ -1,6 +1,7 @@
 //! Writes `.fmu` archives: the same input gives the same bytes.
 
 mod archive;
+pub mod command;
 pub mod fit;
 pub mod library;
 pub mod params;
@@ -10,7 +11,9 @@ pub mod verify;
 
 use crate::describe::{self, page, start_values, terminals};
 use crate::model::{Model, models};
+use fit::Baked;
 use library::Library;
+use params::Params;
 use std::path::{Path, PathBuf};
 
 /// Why nothing was written; the message names the file or the parameter.
@@ -38,6 +41,19 @@ const PICTURES: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/pictures.
 /// The picture that tools show for a model; a model without one is shown as the tool likes.
 pub fn picture(model: &Model) -> Option<&'static [u8]> {
     PICTURES.iter().find(|(name, _)| *name == model.name).map(|(_, picture)| *picture)
+}
+
+/// Sets the start values of a model: those of a fit or a parameter set, then those given as `name=value`.
+pub fn prepare(
+    model: &mut Model,
+    params: Option<&Params>,
+    unidentified: bool,
+    settings: &[String],
+) -> Result<Baked, PackError> {
+    let baked = params.map_or(Ok(Baked::default()), |params| params.bake(model, unidentified))?;
+    let settings = settings.iter().map(|text| fit::setting(model, text)).collect::<Result<Vec<_>, _>>()?;
+    model.bake(&settings).map_err(PackError)?;
+    Ok(baked)
 }
 
 /// Writes `<out>/<Model>.fmu` and gives its path. The archive appears whole or not at all.
