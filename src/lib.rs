@@ -10,6 +10,7 @@
 //! fmu/       the FMI 2.0 layer over any `Estimator`, `pack`, `replay`       (package wheelstate-fmu)
 //! identify/  parameters and noise from logs, simulation, reports            (package wheelstate-identify)
 //!   log/     readers of CSV, Parquet, MDF4 and robots' logs                 (package wheelstate-log)
+//!   python/  the Python package, thin over `identify` and `fmu`             (package wheelstate-python)
 //! tests/     what all packages are held against: vectors, plants, other programs
 //! ```
 //!
@@ -23,7 +24,7 @@
 //!
 //! `model`, `filter` and `plant` never see one another, so that an error in a model cannot hide behind the same error
 //! in the plant, and a filter serves any machine. `estimator` joins model and filter. `fmu` and `identify` never import
-//! each other: `fit.json` and the FMU are all that passes between them. The whole list stands in
+//! each other: `fit.json` and the FMU are all that passes between them; the Python package joins both. The whole list stands in
 //! `tests/walls/arrows.rs`, and a test names file and line of every import that is not in it.
 //!
 //! # How to add a machine

@@ -16,14 +16,17 @@
 //!
 //! `solve` and `result` stand at the bottom and know no log file, no machine and no command line; `assess` and `report`
 //! use `result`; `problem` uses `solve`, `assess` and `result`; `tune` and `run` use `result` and share `replay`; `vehicle` joins
-//! problem, simulation, tuning and runs; a machine of `vehicles` uses all of these but never another machine; `cli` uses everything.
+//! problem, simulation, tuning and runs; a machine of `vehicles` uses all of these but never another machine; `checked`,
+//! `fleet` and `values` are what the command line and the Python package share; `cli` uses everything.
 //! `tests/walls/arrows.rs` of the repository is the whole list, and a test holds it.
 
 pub mod assess;
 pub mod check;
+pub mod checked;
 pub mod cli;
 pub mod estimate;
 pub mod finding;
+pub mod fleet;
 pub mod problem;
 pub mod replay;
 pub mod report;
@@ -32,6 +35,7 @@ pub mod run;
 pub mod simulate;
 pub mod solve;
 pub mod tune;
+pub mod values;
 pub mod vehicle;
 pub mod vehicles;
 

@@ -58,6 +58,8 @@ pub const CRATES: &[Crate] = &[
             // From recordings to a log on one time base.
             ("assemble", &["", "between", "columns", "error", "recording"]),
             ("sampling", &[""]),
+            ("compact", &["", "error"]),
+            ("table", &["", "columns", "csv", "error", "hash", "progress", "recording"]),
         ],
     },
     Crate {
@@ -107,9 +109,14 @@ pub const CRATES: &[Crate] = &[
             // A machine never sees another one.
             ("vehicles::*", MACHINE),
             ("vehicles", &["vehicle"]),
+            // What the command line and the Python package share.
+            ("checked", &["finding", "problem", "result", "vehicle", "wheelstate", "wheelstate_log"]),
+            ("fleet", &["check", "problem", "result", "vehicle", "wheelstate_log"]),
+            ("values", &["result", "vehicle", "wheelstate::variable"]),
             (
                 "cli",
                 &[
+                    "checked",
                     "estimate",
                     "finding",
                     "problem",
@@ -120,9 +127,9 @@ pub const CRATES: &[Crate] = &[
                     "simulate",
                     "solve",
                     "tune",
+                    "values",
                     "vehicle",
                     "vehicles",
-                    "wheelstate::variable",
                     "wheelstate_log",
                 ],
             ),
@@ -173,6 +180,7 @@ pub const CRATES: &[Crate] = &[
                     "refusal",
                 ],
             ),
+            ("pack::command", &["model", "pack"]),
             ("pack", &["abi", "describe", "instance", "model", "refusal", "wheelstate"]),
         ],
     },
@@ -180,7 +188,24 @@ pub const CRATES: &[Crate] = &[
         name: "program pack",
         source: "fmu/src/bin/pack.rs",
         except: &[],
-        modules: &[("", &["wheelstate_fmu::model", "wheelstate_fmu::pack"])],
+        modules: &[("", &["wheelstate_fmu::pack"])],
+    },
+    Crate {
+        name: "wheelstate_python",
+        source: "identify/python/src",
+        except: &[],
+        modules: &[
+            ("error", &[]),
+            ("work", &["wheelstate_log::progress"]),
+            ("arrow", &["error", "wheelstate_log"]),
+            ("names", &["error", "wheelstate_identify"]),
+            ("log", &["arrow", "error", "names", "wheelstate_identify", "wheelstate_log", "work"]),
+            ("machine", &["error", "log", "names", "wheelstate_fmu::pack", "wheelstate_identify", "work"]),
+            ("fit", &["error", "log", "names", "wheelstate_identify", "wheelstate_log", "work"]),
+            ("fleet", &["error", "fit", "log", "names", "wheelstate_identify::fleet"]),
+            ("run", &["error", "fit", "log", "names", "wheelstate_identify", "work"]),
+            ("command", &["wheelstate_fmu::pack", "wheelstate_identify::cli"]),
+        ],
     },
     Crate {
         name: "program replay",
@@ -213,7 +238,7 @@ const MACHINE: &[&str] = &[
 
 /// Crates from outside that only these modules may name: the command line and the numerics know nothing of each other.
 pub const CONFINED: &[(&str, &[&str])] = &[
-    ("clap", &["wheelstate_identify::cli", "program pack", "program replay"]),
+    ("clap", &["wheelstate_identify::cli", "wheelstate_fmu::pack::command", "program replay"]),
     ("clarabel", &["wheelstate_identify::solve"]),
     ("plotters", &["wheelstate_identify::report"]),
     ("askama", &["wheelstate_identify::report"]),
@@ -222,7 +247,9 @@ pub const CONFINED: &[(&str, &[&str])] = &[
     ("mf4_rs", &["wheelstate_log"]),
     ("fmi", &["program replay"]),
     ("libloading", &["wheelstate_fmu::abi"]),
+    ("arrow_array", &["wheelstate_python::arrow"]),
+    ("pyo3", &["wheelstate_python"]),
 ];
 
-/// The only folder with `unsafe`: the C boundary of the FMUs.
-pub const UNSAFE: &str = "fmu/src/abi";
+/// The only places with `unsafe`: the C boundaries of the FMUs and of Arrow.
+pub const UNSAFE: &[&str] = &["fmu/src/abi", "identify/python/src/arrow.rs"];

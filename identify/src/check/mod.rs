@@ -111,7 +111,7 @@ impl Subject<'_> {
     }
 
     /// Whether the fit may read a channel.
-    fn reads(&self, name: &str) -> bool {
+    pub(crate) fn reads(&self, name: &str) -> bool {
         let required = self.checks.required.iter().flat_map(|group| group.iter());
         let optional = self.checks.optional.iter().map(|(pattern, _)| pattern);
         self.input(name).is_some() || required.chain(optional).any(|pattern| fits(pattern, name))

@@ -3,9 +3,8 @@
 use super::settings::{self, Setting};
 use super::words::vehicle_parser;
 use super::{LogArgs, Outcome, Refusal, print, read_each, tell};
+use crate::checked::{self, expected, findings, worst};
 use crate::finding::{Finding, Severity};
-use crate::log::Log;
-use crate::problem::FitError;
 use crate::progress::Progress;
 use crate::vehicle::Vehicle;
 use clap::Args;
@@ -53,16 +52,7 @@ pub(super) struct CheckArgs {
 pub(super) struct Allowed {
     /// Findings with this code are notes only, whatever they are otherwise; may be repeated.
     #[arg(long = "allow", value_name = "CODE")]
-    codes: Vec<String>,
-}
-
-impl Allowed {
-    /// What the user knows of is no more than a note.
-    fn apply(&self, findings: &mut [Finding]) {
-        for finding in findings.iter_mut().filter(|finding| self.codes.contains(&finding.code)) {
-            finding.severity = Severity::Note;
-        }
-    }
+    pub(super) codes: Vec<String>,
 }
 
 /// The shape of `--json`.
@@ -70,55 +60,6 @@ impl Allowed {
 struct Report<'a> {
     vehicle: &'a str,
     findings: &'a [Finding],
-}
-
-/// All findings of the logs.
-pub(super) fn findings(
-    vehicle: &Vehicle,
-    logs: &[Log],
-    settings: &[(String, f64)],
-    allowed: &Allowed,
-) -> Result<Vec<Finding>, Refusal> {
-    let mut all = Vec::new();
-    for log in logs {
-        all.extend(vehicle.check(log, settings)?);
-    }
-    allowed.apply(&mut all);
-    Ok(all)
-}
-
-/// Says what was found before a fit, one line each; what spoils it for certain refuses it.
-pub(super) fn tell_fit(findings: &[Finding]) -> Result<(), Refusal> {
-    let refusals: Vec<_> = findings.iter().filter(|finding| finding.severity == Severity::Refusal).collect();
-    if let Some(first) = refusals.first() {
-        let more = match refusals.len() {
-            1 => String::new(),
-            count => format!(" (and {} more, which identify check lists)", count - 1),
-        };
-        return Err(Refusal(format!("{first}{more}; if you know better, --allow {}", first.code)));
-    }
-    for finding in findings.iter().filter(|finding| finding.severity == Severity::Warning) {
-        eprintln!("identify: warning: {finding}");
-    }
-    Ok(())
-}
-
-/// What the log tells about each parameter; nothing if no fit can be made of it.
-fn expected(
-    vehicle: &Vehicle,
-    log: &Log,
-    known: &[(String, f64)],
-    progress: &Progress,
-) -> Result<Vec<Finding>, Refusal> {
-    match vehicle.information(log, known, progress) {
-        Err(FitError::Interrupted(stop)) => Err(stop.into()),
-        told => Ok(told.unwrap_or_default()),
-    }
-}
-
-/// The worst of the findings.
-fn worst(findings: &[Finding]) -> Severity {
-    findings.iter().map(|finding| finding.severity).max().unwrap_or(Severity::Note)
 }
 
 pub(super) fn run(args: &CheckArgs) -> Result<Outcome, Refusal> {
@@ -130,26 +71,18 @@ pub(super) fn run(args: &CheckArgs) -> Result<Outcome, Refusal> {
         match log {
             Ok(log) => {
                 tell(&log);
-                let found = findings(args.vehicle, std::slice::from_ref(&log), &known, &args.allowed)?;
+                let found = findings(args.vehicle, std::slice::from_ref(&log), &known, &args.allowed.codes)?;
                 let usable = worst(&found) < Severity::Refusal;
                 all.extend(found);
                 if usable && (args.parameters || log.len() <= args.vehicle.checks.quick) {
                     all.extend(expected(args.vehicle, &log, &known, &progress)?);
                 }
             }
-            Err(error) => all.push(Finding {
-                file: path.display().to_string(),
-                channel: String::new(),
-                time: None,
-                code: "unreadable-log".to_owned(),
-                severity: Severity::Refusal,
-                message: error.to_string().trim_start_matches(&format!("{}: ", path.display())).to_owned(),
-                suggestion: "mend the file, or a column map if it has one".to_owned(),
-            }),
+            Err(error) => all.push(checked::unreadable(path, &error.to_string())),
         }
         Ok(())
     })?;
-    args.allowed.apply(&mut all);
+    checked::allow(&mut all, &args.allowed.codes);
     progress.finish();
     if args.json {
         print(&(serde_json::to_string_pretty(&Report { vehicle: args.vehicle.name, findings: &all })? + "\n"));

@@ -4,13 +4,14 @@ use super::check;
 use super::settings::{self, Pair, Setting};
 use super::words::vehicle_parser;
 use super::{LogArgs, Outcome, Refusal, keep_inputs, print, read_each, tell};
-use crate::finding::{Finding, Severity};
+use crate::checked::{self, Refused};
+use crate::finding::Finding;
 use crate::log::Log;
 use crate::output::Outputs;
-use crate::problem::{FitError, FitRequest};
+use crate::problem::FitRequest;
 use crate::progress::Progress;
 use crate::report;
-use crate::result::{FitReport, LogEntry};
+use crate::result::FitReport;
 use crate::solve::Loss;
 use crate::vehicle::Vehicle;
 use clap::Args;
@@ -115,39 +116,16 @@ pub(super) fn run(args: &FitArgs) -> Result<Outcome, Refusal> {
     let mut skipped = Vec::new();
     let (paths, logs) = read(args, &args.logs.logs, args.skip_bad, &mut skipped, &progress)?;
     let (_, held_out) = read(args, &args.held_out, false, &mut skipped, &progress)?;
-    let (mut paths, mut logs) = (paths, logs);
-    let mut request = request(args, &paths, held_out)?;
-    let known: Vec<_> = request.start.iter().chain(&request.settings).cloned().collect();
-    let mut findings = check::findings(args.vehicle, &logs, &known, &args.allowed)?;
-    if args.skip_bad {
-        let bad = |log: &Log| findings.iter().find(|f| f.severity == Severity::Refusal && f.file == log.source);
-        let keep: Vec<bool> = logs.iter().map(|log| bad(log).is_none()).collect();
-        if keep.contains(&true) && keep.contains(&false) {
-            skipped.extend(logs.iter().filter_map(|log| Some(format!("was left out: {}", bad(log)?))));
-            findings.retain(|finding| finding.severity != Severity::Refusal);
-            let mut of = keep.iter();
-            logs.retain(|_| of.next() == Some(&true));
-            let mut of = keep.iter();
-            paths.retain(|_| of.next() == Some(&true));
-            request = self::request(args, &paths, request.held_out)?;
-        }
-    }
-    if let Err(Refusal(what)) = check::tell_fit(&findings) {
-        return Err(refused(args, &logs, what, findings));
-    }
-    let result = args.vehicle.fit(&logs, &request, &progress);
+    let request = request(args, &paths, held_out)?;
+    let warn = |finding: &Finding| eprintln!("{}: warning: {finding}", super::program());
+    let result = checked::fit(args.vehicle, logs, request, &args.allowed.codes, warn, &progress);
     progress.finish();
     let mut result = match result {
         Ok(result) => result,
-        Err(error @ (FitError::Request(_) | FitError::UnknownTarget { .. } | FitError::Setting(_))) => {
-            return Err(error.into());
-        }
-        Err(FitError::Interrupted(stop)) => return Err(stop.into()),
-        Err(error) => return Err(refused(args, &logs, error.to_string(), findings)),
+        Err(Refused::Logs(report)) => return Err(refused(args.out.as_deref(), &report)),
+        Err(error) => return Err(error.into()),
     };
-    result.findings = findings;
     result.warnings.splice(0..0, skipped);
-    result.refer_to(&logs);
     if let Some(path) = &args.residuals {
         let mut outputs = Outputs::new();
         outputs.text(path, &report::residuals(&result))?;
@@ -217,41 +195,17 @@ fn read(
     if logs.is_empty() {
         return Err(Refusal(skipped.join("; ")));
     }
-    let (from, to) = (args.from.unwrap_or(f64::NEG_INFINITY), args.to.unwrap_or(f64::INFINITY));
+    let span = (args.from.unwrap_or(f64::NEG_INFINITY), args.to.unwrap_or(f64::INFINITY));
     for log in &mut logs {
-        let first = log.time.partition_point(|time| *time < from);
-        let last = log.time.partition_point(|time| *time <= to);
-        if last < first + 2 {
-            return Err(Refusal(format!("{}: no samples between --from {from} and --to {to} s", log.source)));
-        }
-        if last - first < log.len() {
-            *log = log.slice(first..last, |_| true);
-        }
-        for (from, to) in &args.exclude {
-            let missing = log.time.partition_point(|time| time < from)..log.time.partition_point(|time| time <= to);
-            for channel in log.channels.iter_mut().filter(|channel| !channel.name.starts_with("true_")) {
-                channel.values[missing.clone()].fill(f64::NAN);
-            }
-        }
+        checked::within(log, span, &args.exclude).map_err(Refusal)?;
     }
     Ok((kept, logs))
 }
 
 /// The refusal of a fit whose logs were read; what was read and what is wrong is written all the same.
-fn refused(args: &FitArgs, logs: &[Log], what: String, findings: Vec<Finding>) -> Refusal {
-    let refusal = Refusal(what.clone());
-    let Some(path) = &args.out else { return refusal };
-    let report = FitReport {
-        format_version: crate::result::FORMAT_VERSION,
-        vehicle: args.vehicle.name.to_owned(),
-        loss: args.loss.word().to_owned(),
-        logs: logs.iter().map(LogEntry::from).collect(),
-        solver_status: "not run".to_owned(),
-        warnings: vec![what.clone()],
-        findings,
-        refused: Some(what),
-        ..FitReport::default()
-    };
+fn refused(out: Option<&Path>, report: &FitReport) -> Refusal {
+    let refusal = Refusal(report.refused.clone().unwrap_or_default());
+    let Some(path) = out else { return refusal };
     let write = || -> Result<(), Refusal> {
         let mut outputs = Outputs::new();
         outputs.text(path, &report.to_json()?)?;

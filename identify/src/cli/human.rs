@@ -59,7 +59,7 @@ pub(super) fn estimate(args: &EstimateArgs) -> Result<Outcome, Refusal> {
     let progress = Progress::terminal();
     let mut setup = estimate::setup(&args.model, &args.sensors)?;
     for warning in &setup.warnings {
-        eprintln!("identify: warning: {warning}");
+        eprintln!("{}: warning: {warning}", super::program());
     }
     let log = Log::read(&args.log, None, &progress)?;
     super::tell(&log);

@@ -51,7 +51,8 @@ fn check(vehicle: &Vehicle, map: &ColumnMap) -> Result<(), Refusal> {
     for channel in map.channels().filter(|channel| !names.contains(channel)) {
         let used = |name: &str| map.channels().any(|other| other == name);
         if let Some(near) = crate::log::columns::nearest(channel, &names).filter(|near| !used(near)) {
-            eprintln!("identify: note: {channel} in the column map is not an input of {vehicle}; {near} is");
+            let program = super::program();
+            eprintln!("{program}: note: {channel} in the column map is not an input of {vehicle}; {near} is");
         }
     }
     Ok(())

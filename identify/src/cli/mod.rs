@@ -13,9 +13,11 @@ mod words;
 use crate::log::{Input, Log, LogError};
 use crate::progress::Progress;
 use crate::vehicle::Vehicle;
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::OnceLock;
 
 /// Fits physical parameters of wheeled machines from logs, tunes filter noise, simulates logs.
 #[derive(Debug, Parser)]
@@ -89,16 +91,44 @@ impl<E: std::error::Error> From<E> for Refusal {
     }
 }
 
+/// What the program calls itself in messages and in its help, if not [`NAME`].
+static PROGRAM: OnceLock<&'static str> = OnceLock::new();
+
+/// What the program is called in this package.
+const NAME: &str = "identify";
+
+/// What the program calls itself.
+fn program() -> &'static str {
+    PROGRAM.get().copied().unwrap_or(NAME)
+}
+
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
+    ExitCode::from(run(NAME, std::env::args_os(), &[]))
+}
+
+/// Runs a command line, the program's name first, and gives the exit code.
+///
+/// The program calls itself `name`; the first call of a process decides. `others` are further commands with a line about
+/// each, which the caller carries out: here they only stand in the help.
+pub fn run(
+    name: &'static str,
+    arguments: impl IntoIterator<Item = OsString>,
+    others: &[(&'static str, &'static str)],
+) -> u8 {
+    PROGRAM.get_or_init(|| name);
     crate::log::guard::quiet();
-    let cli = match Cli::try_parse() {
+    let matches = command(others).try_get_matches_from(arguments);
+    let cli = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {
-            eprintln!("identify: {}", usage(&error.to_string()));
-            return ExitCode::from(2);
+            eprintln!("{}: {}", program(), usage(&error.to_string()));
+            return 2;
         }
-        Err(help) => help.exit(),
+        Err(help) => {
+            let _ = help.print(); // a reader that has gone away is no error
+            return 0;
+        }
     };
     let outcome = match cli.command {
         Command::Check(args) => check::run(&args),
@@ -110,14 +140,31 @@ pub fn main() -> ExitCode {
         Command::Bench(args) => human::bench(&args),
     };
     match outcome {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::Warnings) => ExitCode::from(1),
-        Ok(Outcome::Refused) => ExitCode::from(2),
+        Ok(Outcome::Done) => 0,
+        Ok(Outcome::Warnings) => 1,
+        Ok(Outcome::Refused) => 2,
         Err(Refusal(line)) => {
-            eprintln!("identify: {}", line.replace(['\n', '\r'], " "));
-            ExitCode::from(2)
+            eprintln!("{}: {}", program(), line.replace(['\n', '\r'], " "));
+            2
         }
     }
+}
+
+/// The parser, with the program's present name in the texts of its help.
+fn command(others: &[(&'static str, &'static str)]) -> clap::Command {
+    let renamed = |text: &clap::builder::StyledStr| text.to_string().replace("identify ", &format!("{} ", program()));
+    let in_arguments = |argument: clap::Arg| match argument.get_help().map(renamed) {
+        Some(help) => argument.help(help),
+        None => argument,
+    };
+    let in_command = |command: clap::Command| {
+        let after = command.get_after_help().map(renamed);
+        let command = command.mut_args(in_arguments);
+        if let Some(after) = after { command.after_help(after) } else { command }
+    };
+    let all = Cli::command().name(program()).bin_name(program());
+    let all = others.iter().fold(all, |all, (name, about)| all.subcommand(clap::Command::new(*name).about(*about)));
+    in_command(all).mut_subcommands(in_command)
 }
 
 /// What is wrong with the command line, in one line: the first paragraph of the parser's text.
@@ -168,7 +215,7 @@ fn read_each(
 /// Says what was guessed, repaired or left out of a log.
 fn tell(log: &Log) {
     for note in &log.notes {
-        eprintln!("identify: note: {}: {}", log.source, note.replace(['\n', '\r'], " "));
+        eprintln!("{}: note: {}: {}", program(), log.source, note.replace(['\n', '\r'], " "));
     }
 }
 
