@@ -1,0 +1,55 @@
+"""Logs through an estimator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+from . import _native
+from ._log import Columns, Log, LogLike, read
+from ._progress import Bar, Progress
+from ._values import Parameters, Value, start, texts
+
+
+class Run(Log):
+    """The estimates of a log: the outputs of the FMU over time, which are read like the channels of a log."""
+
+    def __init__(self, native: _native.Log, units: dict[str, str], sample_period: float, notes: list[str]) -> None:
+        super().__init__(native)
+        self._units, self._sample_period, self._notes = units, sample_period, notes
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of each output in the FMI spelling, `1` if it has none."""
+        return dict(self._units)
+
+    @property
+    def sample_period(self) -> float:
+        """The estimator's sample period, s."""
+        return self._sample_period
+
+    @property
+    def notes(self) -> list[str]:
+        """What is good to know of log and parameters, one line each."""
+        return list(self._notes)
+
+
+def run(
+    machine: str,
+    log: LogLike,
+    *,
+    columns: Columns = None,
+    parameters: Parameters | None = None,
+    set: Mapping[str, Value] | None = None,
+    clock: Literal["fmu", "log"] = "fmu",
+    progress: Progress = None,
+) -> Run:
+    """Runs a machine's estimator over a log at native speed, without an FMU.
+
+    The estimates are those of the FMU in a host that sets the inputs of each row; with `clock="log"` every row is one
+    sample at its own time. `parameters` is a `Fit`, a file or values by name; `set` wins over it.
+    """
+    with Bar(progress) as tell:
+        data = read(log, columns, machine=machine, progress=progress)
+        native, units, period, notes = _native.run(machine, data._native, start(parameters), texts(set), clock, tell)
+    return Run(native, dict(units), period, notes)
