@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Everything that must hold before a change is merged: format, lints, Rust tests, the FMUs in fmpy.
+# Everything that must hold before a change is merged: format, lints, Rust tests, the FMUs in fmpy, the Python package.
 # Needs Rust (rustup) and Python 3.11 or later with venv; makes its own virtual environment in .venv.
 set -euo pipefail
 cd "$(dirname "$0")"
@@ -11,7 +11,7 @@ cargo fmt --all --check
 
 step "Python environment, beside the build"
 source tests/fmpy/environment.sh
-.venv/bin/pip install --quiet --disable-pip-version-check -r tests/fmpy/requirements.txt &
+(.venv/bin/pip install --quiet --disable-pip-version-check -r tests/fmpy/requirements.txt && tests/python/run.sh --environment) &
 environment=$!
 
 step "lints"
@@ -33,5 +33,8 @@ RUSTDOCFLAGS="-D warnings" cargo doc "${workspace[@]}" --no-deps --quiet
 step "FMUs and commands from Python"
 wait "$environment"
 tests/fmpy/run.sh
+
+step "Python package from its wheel, without Rust"
+tests/python/run.sh
 
 step "all passed"

@@ -1,4 +1,4 @@
-"""The code of the README and the guides, as it stands there, as a new user runs it in an empty folder."""
+"""The code of the guides, as it stands there, as a new user runs it in an empty folder; tests/python has the README's."""
 
 import json
 import os
@@ -46,22 +46,6 @@ def run(language, code, folder):
         allowed = (0, 1) if step[-1].startswith("identify fit") else (0,)
         assert done.returncode in allowed, f"{step[-1]}\n{done.stdout}{done.stderr}"
     return done.stdout
-
-
-@pytest.fixture(scope="module")
-def first_day(tmp_path_factory):
-    """The folder after the README's first fit, and what its Python printed."""
-    folder = tmp_path_factory.mktemp("first_day")
-    printed = [run(language, code, folder) for language, code in blocks("README.md") if language in ("sh", "python")]
-    assert len(printed) == 2
-    return folder, printed[-1]
-
-
-def test_the_readmes_first_fit_and_first_fmu_weigh_the_person(first_day):
-    folder, printed = first_day
-    mass, std = map(float, re.fullmatch(r"(\S+) \+- (\S+) kg\n", printed).groups())
-    truth = fmpy.read_csv(folder / "log.csv")["true_load_mass"][-1]
-    assert abs(mass - truth) < 3 * std and std < 0.1 * truth
 
 
 def test_the_fmu_guides_commands_pack_and_verify(program, tmp_path):
