@@ -4,7 +4,7 @@
 
 use crate::clock::{Clock, MOST_SAMPLES};
 use crate::machine::Machine;
-use crate::model::{Model, Place, Type, check_parameter, from_fmi, shown_start, to_fmi};
+use crate::model::{Access, Model, Place, Type, check_parameter, shown_start};
 use crate::phase::{Call, Phase};
 use crate::refusal::{Answer, Level, Refusal};
 use crate::screen::Screen;
@@ -177,10 +177,9 @@ impl Instance {
         }
     }
 
-    fn locate(&self, reference: u32) -> Answer<Place> {
-        let unknown =
-            || Refusal::error(format!("value reference {reference} belongs to no variable of {}", self.model.name));
-        self.model.place(reference).ok_or_else(unknown)
+    #[cold]
+    fn unknown(&self, reference: u32) -> Refusal {
+        Refusal::error(format!("value reference {reference} belongs to no variable of {}", self.model.name))
     }
 
     /// Reads variables of one FMI type; `put(i, value)` receives them.
@@ -189,20 +188,19 @@ impl Instance {
             self.refresh()?;
         }
         self.settle();
+        let core = &self.core;
         for (i, &reference) in references.iter().enumerate() {
-            let place = self.locate(reference)?;
-            let (declared, values, index) = match place {
-                Place::Parameter(index) => (&self.model.parameters, &self.core.parameters, index),
-                Place::Input(index) => (&self.model.inputs, &self.core.inputs, index),
-                Place::Output(index) => (&self.model.outputs, &self.core.outputs, index),
-            };
-            let variable = &declared[index];
-            if Type::of(variable.kind) != class {
-                return Err(wrong_type(&variable.name, Type::of(variable.kind), class));
+            let Some((place, access)) = self.model.access(reference) else { return Err(self.unknown(reference)) };
+            if access.class != class {
+                return Err(wrong_type(self.name(reference)?, access.class, class));
             }
-            let unset = matches!(place, Place::Input(index) if !self.core.given[index]);
-            let value = if unset { shown_start(variable) } else { values[index] };
-            put(i, to_fmi(variable.kind, value));
+            let value = match place {
+                Place::Parameter(index) => core.parameters[index],
+                Place::Input(index) if !core.given[index] => shown_start(&self.model.inputs[index]),
+                Place::Input(index) => core.inputs[index],
+                Place::Output(index) => core.outputs[index],
+            };
+            put(i, access.to_fmi(value));
         }
         Ok(())
     }
@@ -211,30 +209,33 @@ impl Instance {
     pub fn set(&mut self, class: Type, references: &[u32], value: impl Fn(usize) -> f64) -> Answer<()> {
         let mut retune = false;
         for (i, &reference) in references.iter().enumerate() {
-            match self.locate(reference)? {
+            let Some((place, access)) = self.model.access(reference) else { return Err(self.unknown(reference)) };
+            match place {
+                Place::Input(_) if access.any_number && class == Type::Real => {}
+                Place::Input(index) => self.check_input(class, index, access, value(i))?,
+                Place::Parameter(index) => {
+                    self.check_parameter(class, index, access, value(i))?;
+                    retune = true;
+                }
                 Place::Output(index) => {
                     let name = &self.model.outputs[index].name;
                     return Err(Refusal::error(format!("{name} has causality output and cannot be set")));
                 }
-                Place::Parameter(index) => {
-                    self.check_parameter(class, index, value(i))?;
-                    retune = true;
-                }
-                Place::Input(index) => self.check_input(class, index, value(i))?,
             }
         }
         let before = (retune && self.core.phase == Phase::Stepping).then(|| self.core.parameters.clone());
+        let core = &mut self.core;
         for (i, &reference) in references.iter().enumerate() {
-            match self.model.place(reference) {
-                Some(Place::Parameter(index)) => {
-                    self.core.parameters[index] = from_fmi(self.model.parameters[index].kind, value(i));
+            let Some((place, access)) = self.model.access(reference) else { continue };
+            let value = access.from_fmi(value(i));
+            match place {
+                Place::Parameter(index) => core.parameters[index] = value,
+                Place::Input(index) => {
+                    core.inputs[index] = value;
+                    core.given[index] = true;
+                    core.slopes[index] = 0.0;
                 }
-                Some(Place::Input(index)) => {
-                    self.core.inputs[index] = from_fmi(self.model.inputs[index].kind, value(i));
-                    self.core.given[index] = true;
-                    self.core.slopes[index] = 0.0;
-                }
-                _ => {}
+                Place::Output(_) => {}
             }
         }
         match before {
@@ -252,30 +253,30 @@ impl Instance {
         Ok(())
     }
 
-    fn check_parameter(&self, class: Type, index: usize, value: f64) -> Answer<()> {
+    fn check_parameter(&self, class: Type, index: usize, access: Access, value: f64) -> Answer<()> {
         let variable = &self.model.parameters[index];
         let name = &variable.name;
-        if Type::of(variable.kind) != class {
-            return Err(wrong_type(name, Type::of(variable.kind), class));
+        if access.class != class {
+            return Err(wrong_type(name, access.class, class));
         }
         if self.core.phase == Phase::Stepping && !variable.tunable {
             let text = format!("{name} is a fixed parameter and can be set only before fmi2ExitInitializationMode");
             return Err(Refusal::error(text));
         }
-        check_parameter(variable, from_fmi(variable.kind, value)).map_err(Refusal::error)
+        check_parameter(variable, access.from_fmi(value)).map_err(Refusal::error)
     }
 
     /// Inputs that may be missing take any number, for the estimator judges each sample; others must be finite.
-    fn check_input(&self, class: Type, index: usize, value: f64) -> Answer<()> {
+    fn check_input(&self, class: Type, index: usize, access: Access, value: f64) -> Answer<()> {
         let variable = &self.model.inputs[index];
-        match Type::of(variable.kind) {
+        match access.class {
             kind if kind != class => Err(wrong_type(&variable.name, kind, class)),
-            Type::Real if variable.may_be_missing() || value.is_finite() => Ok(()),
+            Type::Real if access.any_number || value.is_finite() => Ok(()),
             Type::Real => Err(Refusal::error(format!(
                 "{} = {value} is not finite, and this input cannot be missing; give a number in {}",
                 variable.name, variable.unit
             ))),
-            _ => check_parameter(variable, from_fmi(variable.kind, value)).map_err(Refusal::error),
+            _ => check_parameter(variable, access.from_fmi(value)).map_err(Refusal::error),
         }
     }
 
@@ -345,7 +346,7 @@ impl Instance {
     }
 
     fn name(&self, reference: u32) -> Answer<&str> {
-        Ok(match self.locate(reference)? {
+        Ok(match self.model.place(reference).ok_or_else(|| self.unknown(reference))? {
             Place::Parameter(index) => &self.model.parameters[index].name,
             Place::Input(index) => &self.model.inputs[index].name,
             Place::Output(index) => &self.model.outputs[index].name,

@@ -57,14 +57,39 @@ impl Type {
     }
 }
 
-/// A value as FMI numbers it: enumerations count from 1. All others keep every bit, so that -0.0 does.
-pub fn to_fmi(kind: Kind, value: f64) -> f64 {
-    if matches!(kind, Kind::Choice(_)) { value + 1.0 } else { value }
+/// What the functions that read and write values must know of a variable, side by side in memory.
+#[derive(Clone, Copy, Debug)]
+pub struct Access {
+    /// The functions that serve it.
+    pub class: Type,
+    /// Its number as FMI knows it is one more than the value.
+    pub counts_from_one: bool,
+    /// An input that takes every number, for the estimator judges each sample.
+    pub any_number: bool,
 }
 
-/// The value behind a number of FMI, the inverse of [`to_fmi`].
-pub fn from_fmi(kind: Kind, number: f64) -> f64 {
-    if matches!(kind, Kind::Choice(_)) { number - 1.0 } else { number }
+impl Access {
+    /// How a declared variable is read and written.
+    pub fn of(variable: &Variable) -> Self {
+        let class = Type::of(variable.kind);
+        Self {
+            class,
+            counts_from_one: matches!(variable.kind, Kind::Choice(_)),
+            any_number: class == Type::Real && variable.may_be_missing(),
+        }
+    }
+
+    /// A value as FMI numbers it. All but enumerations keep every bit, so that -0.0 does.
+    #[inline]
+    pub fn to_fmi(self, value: f64) -> f64 {
+        if self.counts_from_one { value + 1.0 } else { value }
+    }
+
+    /// The value behind a number of FMI, the inverse of [`to_fmi`](Self::to_fmi).
+    #[inline]
+    pub fn from_fmi(self, number: f64) -> f64 {
+        if self.counts_from_one { number - 1.0 } else { number }
+    }
 }
 
 /// A model: what its FMU consists of.
@@ -80,6 +105,8 @@ pub struct Model {
     pub inputs: Vec<Variable>,
     /// Outputs.
     pub outputs: Vec<Variable>,
+    /// How parameters, inputs and outputs are read and written.
+    access: [Vec<Access>; 3],
     /// Number of the parameter `missing_value`; those before it are the estimator's own.
     pub(crate) missing_value: usize,
     /// Parameter and input of each switch `use.<input>`.
@@ -129,16 +156,24 @@ impl Model {
         let missing_value = parameters.len();
         parameters.extend(more);
         let switches = (missing_value + 1..).zip(switched).collect();
+        let outputs = E::Outputs::declare();
+        let access = [&parameters, &inputs, &outputs].map(|list| list.iter().map(Access::of).collect());
         Self {
             name: E::NAME,
             description: E::DESCRIPTION,
             parameters,
             inputs,
-            outputs: E::Outputs::declare(),
+            outputs,
+            access,
             missing_value,
             switches,
             machine: || Box::new(Typed::<E>::default()),
         }
+    }
+
+    /// A number that only models of the same estimator have in this process.
+    pub(crate) fn type_key(&self) -> usize {
+        self.machine as usize
     }
 
     /// An estimator without parameters yet.
@@ -148,11 +183,18 @@ impl Model {
 
     /// The place of a value reference.
     pub fn place(&self, reference: u32) -> Option<Place> {
+        self.access(reference).map(|(place, _)| place)
+    }
+
+    /// The place of a value reference, and how it is read and written.
+    #[inline]
+    pub fn access(&self, reference: u32) -> Option<(Place, Access)> {
         let index = (reference % GROUP) as usize;
+        let [parameters, inputs, outputs] = &self.access;
         match reference / GROUP {
-            1 if index < self.parameters.len() => Some(Place::Parameter(index)),
-            2 if index < self.inputs.len() => Some(Place::Input(index)),
-            3 if index < self.outputs.len() => Some(Place::Output(index)),
+            1 => parameters.get(index).map(|access| (Place::Parameter(index), *access)),
+            2 => inputs.get(index).map(|access| (Place::Input(index), *access)),
+            3 => outputs.get(index).map(|access| (Place::Output(index), *access)),
             _ => None,
         }
     }

@@ -4,7 +4,7 @@ use crate::support::random;
 use wheelstate::Status;
 use wheelstate::variable::Kind;
 use wheelstate_fmu::instance::Instance;
-use wheelstate_fmu::model::{Model, Place, Type, from_fmi, models, to_fmi};
+use wheelstate_fmu::model::{Access, Model, Place, Type, models};
 
 fn index(list: &[wheelstate::Variable], name: &str) -> usize {
     list.iter().position(|variable| variable.name == name).unwrap()
@@ -35,7 +35,7 @@ fn assert_sound(instance: &mut Instance, what: &str) {
     let values = outputs(instance);
     let model = instance.model();
     for (variable, value) in model.outputs.iter().zip(values) {
-        let value = from_fmi(variable.kind, value);
+        let value = Access::of(variable).from_fmi(value);
         assert!(value.is_finite(), "{} {what}: {} = {value}", model.name, variable.name);
         if variable.kind != Kind::Real {
             let (low, high) = variable.range;
@@ -51,8 +51,8 @@ fn assert_sound(instance: &mut Instance, what: &str) {
 fn started(model: &Model, parameters: &[(usize, f64)]) -> Option<Instance> {
     let mut instance = Instance::new(model.clone(), "guid");
     for &(i, value) in parameters {
-        let kind = model.parameters[i].kind;
-        instance.set(Type::of(kind), &[Place::Parameter(i).reference()], |_| to_fmi(kind, value)).unwrap();
+        let access = Access::of(&model.parameters[i]);
+        instance.set(access.class, &[Place::Parameter(i).reference()], |_| access.to_fmi(value)).unwrap();
     }
     instance.enter_initialization();
     instance.exit_initialization().ok().map(|()| instance)

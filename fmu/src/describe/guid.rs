@@ -8,10 +8,11 @@
 use super::start_values;
 use crate::model::{Catalogue, Model};
 use sha2::{Digest, Sha256};
+use std::sync::{Mutex, PoisonError};
 
 /// The GUID of a model with its present start values.
 pub fn of(model: &Model) -> String {
-    format!("{{{}-{}-{}}}", name_part(model.name), interface_part(model), start_part(model))
+    format!("{{{}-{}-{}}}", name_part(model.name), interface_part(interface_hash(model)), start_part(model))
 }
 
 fn hex(digest: &[u8], digits: usize) -> String {
@@ -22,9 +23,31 @@ fn name_part(name: &str) -> String {
     hex(&Sha256::digest(name), 8)
 }
 
-fn interface_part(model: &Model) -> String {
-    let text = hex(&Sha256::digest(super::write(model, "", false)), 8);
-    format!("{}-{}", &text[..4], &text[4..])
+fn interface_part(hash: u32) -> String {
+    format!("{:04x}-{:04x}", hash >> 16, hash & 0xffff)
+}
+
+fn interface_hash(model: &Model) -> u32 {
+    let digest = Sha256::digest(super::write(model, "", false));
+    u32::from_be_bytes([digest[0], digest[1], digest[2], digest[3]])
+}
+
+/// [`interface_hash`] of a model as its estimator declares it, which every instance has: worked out once, since writing
+/// the XML takes longer than all else that makes an instance. What it is kept in takes no memory that unloading the
+/// library would lose.
+fn declared_interface_hash(model: &Model) -> u32 {
+    const UNUSED: (usize, u32) = (0, 0);
+    static KNOWN: Mutex<[(usize, u32); 8]> = Mutex::new([UNUSED; 8]);
+    let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    let key = model.type_key();
+    if let Some((_, hash)) = known().iter().find(|(other, _)| *other == key) {
+        return *hash;
+    }
+    let hash = interface_hash(model);
+    if let Some(place) = known().iter_mut().find(|place| **place == UNUSED) {
+        *place = (key, hash);
+    }
+    hash
 }
 
 fn start_part(model: &Model) -> String {
@@ -45,7 +68,7 @@ pub fn find(catalogue: Catalogue, guid: &str, resource_location: Option<&str>) -
     let Some(mut model) = catalogue(&|known| name_part(known) == *name).pop() else {
         return Err(format!("the GUID '{guid}' belongs to no model of this library"));
     };
-    let own = interface_part(&model);
+    let own = interface_part(declared_interface_hash(&model));
     if interface.join("-") != own {
         let version = env!("CARGO_PKG_VERSION");
         return Err(format!(

@@ -1,17 +1,17 @@
-//! What the FMU adds to the native step, and what an instance costs.
+//! What the FMU adds to the native step, and what an instance and its values cost.
 //!
 //! `native_*` is the estimator's own step and outputs; `fmu_*` is `fmi2DoStep` around the same; their
 //! difference is the overhead. Run: `cargo bench -p wheelstate-fmu`.
 #![allow(unsafe_code, missing_docs)]
 
 use divan::{Bencher, black_box};
-use std::ffi::CString;
+use std::ffi::{CStr, CString};
 use std::ptr::null;
 use wheelstate::Estimator;
 use wheelstate::estimator::Visitor;
 use wheelstate_fmu::abi::*;
 use wheelstate_fmu::describe::guid;
-use wheelstate_fmu::model::{Model, models};
+use wheelstate_fmu::model::{Model, Place, Type, models};
 
 #[path = "../support/mod.rs"]
 mod support;
@@ -36,7 +36,10 @@ struct Instance {
 
 impl Instance {
     fn of(catalogue: wheelstate_fmu::model::Catalogue, model: &Model) -> Self {
-        let guid = CString::new(guid::of(model)).unwrap();
+        Self::named(catalogue, &CString::new(guid::of(model)).unwrap())
+    }
+
+    fn named(catalogue: wheelstate_fmu::model::Catalogue, guid: &CStr) -> Self {
         let c = unsafe { instantiate_from(catalogue, c"bench".as_ptr(), 1, guid.as_ptr(), null(), null(), 0, 0) };
         assert!(!c.is_null());
         unsafe {
@@ -118,7 +121,8 @@ fn fmu_step(bencher: Bencher, name: &str) {
 #[divan::bench(args = MODELS)]
 fn instantiate(bencher: Bencher, name: &str) {
     if let Some(model) = model(name) {
-        bencher.bench_local(|| Instance::of(models, &model));
+        let guid = CString::new(guid::of(&model)).unwrap();
+        bencher.bench_local(|| Instance::named(models, &guid));
     }
 }
 
@@ -129,5 +133,35 @@ fn get_state(bencher: Bencher, name: &str) {
         let instance = Instance::of(models, &model);
         let mut state = std::ptr::null_mut();
         bencher.bench_local(|| unsafe { fmi2GetFMUstate(instance.c, &mut state) });
+    }
+}
+
+/// The Real inputs of a model, as one call of a host sets them.
+fn real_inputs(model: &Model) -> Vec<u32> {
+    let reals = model.inputs.iter().enumerate().filter(|(_, input)| Type::of(input.kind) == Type::Real);
+    reals.map(|(i, _)| Place::Input(i).reference()).collect()
+}
+
+/// Setting all Real inputs by one call.
+#[divan::bench(args = MODELS, sample_size = 1000)]
+fn set_inputs(bencher: Bencher, name: &str) {
+    if let Some(model) = model(name) {
+        let (instance, references) = (Instance::of(models, &model), real_inputs(&model));
+        let values = vec![0.5; references.len()];
+        bencher.counter(divan::counter::ItemsCount::new(references.len())).bench_local(|| unsafe {
+            fmi2SetReal(black_box(instance.c), references.as_ptr(), references.len(), black_box(values.as_ptr()))
+        });
+    }
+}
+
+/// Reading all Real inputs by one call.
+#[divan::bench(args = MODELS, sample_size = 1000)]
+fn get_inputs(bencher: Bencher, name: &str) {
+    if let Some(model) = model(name) {
+        let (instance, references) = (Instance::of(models, &model), real_inputs(&model));
+        let mut values = vec![0.5; references.len()];
+        bencher.counter(divan::counter::ItemsCount::new(references.len())).bench_local(|| unsafe {
+            fmi2GetReal(black_box(instance.c), references.as_ptr(), references.len(), black_box(values.as_mut_ptr()))
+        });
     }
 }
