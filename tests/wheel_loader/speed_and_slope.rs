@@ -1,5 +1,6 @@
 //! A speed that comes late and a slope that is none.
 
+use super::bend::{RIGID, rigid};
 use super::runs::{begun, drive, lively, run};
 use wheelstate::Status;
 use wheelstate::estimator::wheel_loader::*;
@@ -27,6 +28,40 @@ fn a_speed_that_comes_late_contradicts() {
                 assert!(out.hold && out.slip_inconsistent && !out.diagnostics.healthy);
             }
         }
+    }
+}
+
+/// Until a delay is proved, if it ever is, the standard deviations contain it: also those of a machine written by other
+/// equations, and in the first seconds.
+#[test]
+fn what_a_late_speed_spoils_is_within_its_standard_deviation_or_not_healthy() {
+    for by in [0, 1, 2, 3, 5, 10] {
+        let (mut beyond, mut within, mut samples) = ([0; 3], [0; 3], 0);
+        let mut count = |parameters: &Parameters, inputs: &[Inputs], truth: [f64; 3]| {
+            for out in &run(&mut begun(parameters), &late(inputs, by))[50..] {
+                samples += 1;
+                for (i, estimate) in [out.slip_stiffness, out.cg_height, out.cg_ratio].iter().enumerate() {
+                    let off = (estimate.value - truth[i]).abs() / estimate.std;
+                    beyond[i] += usize::from(out.diagnostics.healthy && off > 3.0);
+                    within[i] += usize::from(off < 2.0);
+                }
+            }
+        };
+        for seed in 0..4 {
+            count(&Parameters::default(), &drive(30.0, 3.0, 80 + seed, changing), [19.0, 0.95, 0.45]);
+            let (parameters, inputs) = rigid(30.0, 90 + seed);
+            count(&parameters, &inputs, RIGID);
+        }
+        let share = |counts: [usize; 3]| counts.map(|count| count as f64 / samples as f64);
+        println!(
+            "{by} samples late: healthy and beyond 3 std {:.4?}, within 2 std {:.3?}",
+            share(beyond),
+            share(within)
+        );
+        // Late by a tenth of a second it is wrong in the first half of a second, too.
+        let most = [0.015, 0.001, 0.001];
+        assert!((0..3).all(|i| share(beyond)[i] <= most[i]), "{by}: {beyond:?} of {samples}");
+        assert!(share(within)[1..].iter().all(|share| *share >= 0.9), "{by}: {within:?} of {samples}");
     }
 }
 

@@ -41,6 +41,7 @@ fn parameters(initial: [f64; 3], std: [f64; 3]) -> Parameters {
 fn as_in_the_study(p: &mut Parameters) {
     p.filter.radii = Radii::Fixed;
     (p.filter.measurement_std.speed, p.filter.measurement_std.wheel_speed) = (0.03, 0.05);
+    p.filter.measurement_std.speed_delay = 0.0;
     p.filter.adaptation.enabled = false;
     p.filter.minimum_std.cg_height = 0.02;
     p.hold.settle_time = 0.0;

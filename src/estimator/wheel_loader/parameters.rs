@@ -76,6 +76,8 @@ variables! {
         wheel_speed: f64 = 0.035, "rad/s", [1e-6, 100.0], measurement_noise;
         /// Standard deviation of the steering angle's error, which lasts as long as a bend.
         steering_angle: f64 = 0.01, "rad", [0.0, 1.0];
+        /// Standard deviation of the time by which the speed comes later than the wheel speeds, if it does not come within a sample period of them, which is taken to be as likely. Times the acceleration it looks like slip. 0: it does not.
+        speed_delay: f64 = 0.05, "s", [0.0, 1.0];
     }
 }
 

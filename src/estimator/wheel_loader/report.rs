@@ -1,6 +1,7 @@
 //! The outputs: what the belief says about the machine now and a little later.
 
 use super::belief::STATES;
+use super::speed_evidence::Doubt;
 use super::{Inputs, LoaderMachine, Outputs, State, drive};
 use crate::Status;
 use crate::model::wheel_loader::{Drive, Driven, GRAVITY, Motion, Unknowns, WheelLoader as Model};
@@ -12,8 +13,7 @@ impl LoaderMachine {
     pub(super) fn conditions(&self, state: &State) -> Status {
         let (map, belief) = (&self.filter.map, &state.belief);
         let unknowns = map.unknowns_of(&belief.mean);
-        let delay = self.delay_error(state, unknowns[0]);
-        let height_std = self.uncertainty.std(1, map, belief, &unknowns, delay);
+        let height_std = self.uncertainty.std(1, map, belief, &unknowns, &self.doubt(state, unknowns[0]));
         let mut status = Status::OK;
         status.raise_if(!self.uncertainty.height_is_observable(height_std), Status::UNOBSERVABLE);
         status.raise_if(map.at_bound(&unknowns), Status::AT_BOUND);
@@ -27,9 +27,9 @@ impl LoaderMachine {
         status
     }
 
-    /// How far the slip stiffness may be off by a speed that comes late, relatively; what was given up knows nothing of it.
-    fn delay_error(&self, state: &State, stiffness: f64) -> f64 {
-        if self.contradicted(state) { 0.0 } else { state.speed_evidence.relative_error(stiffness) }
+    /// What a speed that comes late may have done to the estimates; what was given up knows nothing of it.
+    fn doubt(&self, state: &State, stiffness: f64) -> Doubt {
+        if self.contradicted(state) { Doubt::default() } else { state.speed_evidence.doubt(stiffness) }
     }
 
     /// Fills the outputs, the motion carried `horizon` seconds forward with `inputs` held.
@@ -42,8 +42,8 @@ impl LoaderMachine {
             let substeps = (horizon / 0.005).ceil().clamp(1.0, 1000.0) as u32;
             motion = machine.advance(&motion, &unknowns, &drive, horizon, substeps);
         }
-        let delay = self.delay_error(state, unknowns[0]);
-        let unknown = |i: usize| Estimate::new(unknowns[i], self.uncertainty.std(i, map, belief, &unknowns, delay));
+        let doubt = self.doubt(state, unknowns[0]);
+        let unknown = |i: usize| Estimate::new(unknowns[i], self.uncertainty.std(i, map, belief, &unknowns, &doubt));
         (out.slip_stiffness, out.cg_height, out.cg_ratio) = (unknown(0), unknown(1), unknown(2));
         let wheelbase = machine.loader.wheelbase;
         out.cg_to_rear_axle = Estimate::new(out.cg_ratio.value * wheelbase, out.cg_ratio.std * wheelbase);
@@ -52,7 +52,7 @@ impl LoaderMachine {
         (out.wheel_radius_front, out.wheel_radius_rear) = (radius(0), radius(1));
         out.speed_estimate = Estimate::new(motion[0], belief.std(0));
         let standing = !state.motion_known || (held && motion[0].abs() < self.hold.resume_speed);
-        out.load_ratio = self.load_ratio(state, &machine, &motion, &unknowns, &drive, standing);
+        out.load_ratio = self.load_ratio(state, (&machine, &motion, &unknowns, &drive), &doubt, standing);
         out.hold = held;
         out.cg_height_observable = self.uncertainty.height_is_observable(out.cg_height.std);
         out.slip_inconsistent = self.contradicted(state);
@@ -63,10 +63,8 @@ impl LoaderMachine {
     fn load_ratio(
         &self,
         state: &State,
-        machine: &Model,
-        motion: &Motion,
-        unknowns: &Unknowns,
-        drive: &Drive,
+        (machine, motion, unknowns, drive): (&Model, &Motion, &Unknowns, &Drive),
+        doubt: &Doubt,
         standing: bool,
     ) -> Estimate {
         let map = &self.filter.map;
@@ -88,7 +86,10 @@ impl LoaderMachine {
             gradient[3 + i] *= derivative[i];
         }
         let model = by_ratio * by_ratio * self.uncertainty.model_variance(2, map, state.belief.std(5), unknowns);
+        let specific_force = if standing { GRAVITY * drive.slope.sin() } else { point.specific_force };
+        let by_delay = self.uncertainty.share_by_delay(map, &state.belief, unknowns, doubt, specific_force);
         let std = (state.belief.variance_along(&gradient) + model).sqrt() / total;
+        let std = std.hypot(by_delay);
         Estimate::new((front / total).clamp(0.0, 1.0), std)
     }
 }

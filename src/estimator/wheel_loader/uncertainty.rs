@@ -3,6 +3,7 @@
 use super::belief::Belief;
 use super::coordinates::Map;
 use super::parameters::{ModelError, Parameters};
+use super::speed_evidence::Doubt;
 use crate::model::wheel_loader::{GRAVITY, Unknowns};
 use nalgebra::Vector3;
 
@@ -27,16 +28,45 @@ impl Uncertainty {
         }
     }
 
-    /// Standard deviation of one unknown: the filter's and the model's. An unknown at the end of its range is
-    /// known no better than before the first sample.
-    /// `delay` is how far the slip stiffness may be off by a speed that comes late, relatively.
-    pub fn std(&self, i: usize, map: &Map, belief: &Belief, unknowns: &Unknowns, delay: f64) -> f64 {
+    /// Standard deviation of one unknown: the filter's, the model's, and what a late speed may have done. An unknown at the
+    /// end of its range is known no better than before the first sample.
+    pub fn std(&self, i: usize, map: &Map, belief: &Belief, unknowns: &Unknowns, doubt: &Doubt) -> f64 {
         let (derivative, std) = (map.derivative_of(i, unknowns[i]), belief.std(3 + i));
         let by_filter = derivative * derivative * (std * std);
-        // Share and height follow from K times the difference of the slips; a share of a half makes none.
-        let by_delay = delay * if i == 2 { unknowns[2] - 0.5 } else { unknowns[i] };
+        let by_delay = match i {
+            0 => doubt.stiffness * unknowns[0],
+            1 => doubt.stiffness * unknowns[1] * self.learnt(1, std),
+            _ => self.share_by_delay(map, belief, unknowns, doubt, 0.0),
+        };
         let std = (by_filter + self.model_variance(i, map, std, unknowns) + by_delay * by_delay).sqrt();
         if map.at_end(i, unknowns[i]) { std.max(self.initial_std[i]) } else { std }
+    }
+
+    /// What a late speed may have done to the front axle's share of the load at this specific force, m/s2; that without any
+    /// is the ratio of the centre of gravity.
+    ///
+    /// It adds the same to both axles' slips. What is seen of the loads, their difference, is then off as the slip stiffness
+    /// is, by which it was multiplied: share and height alike, or, as far as the height was not learnt, the share at the
+    /// specific force at which the slips were seen.
+    pub fn share_by_delay(
+        &self,
+        map: &Map,
+        belief: &Belief,
+        unknowns: &Unknowns,
+        doubt: &Doubt,
+        specific_force: f64,
+    ) -> f64 {
+        let [_, h, lambda] = (*unknowns).into();
+        let learnt = self.learnt(1, belief.std(4));
+        let at = (1.0 - learnt) * doubt.specific_force + learnt * specific_force;
+        let difference = lambda - 0.5 - h * at / (GRAVITY * map.machine.loader.wheelbase);
+        doubt.stiffness * difference.hypot(map.derivative_of(2, lambda) * belief.std(5))
+    }
+
+    /// How much of an unknown the data and not the initial values have made.
+    fn learnt(&self, i: usize, theta_std: f64) -> f64 {
+        let left = theta_std / self.initial_theta_std[i];
+        (1.0 - left * left).max(0.0)
     }
 
     /// Whether the data have at least halved the height's standard deviation, which is `std` now.
@@ -47,9 +77,8 @@ impl Uncertainty {
     /// Variance that the model's simplifications add, as far as the data and not the initial values made the estimate,
     /// which the filter knows to within `theta_std` in its coordinates.
     pub fn model_variance(&self, i: usize, map: &Map, theta_std: f64, unknowns: &Unknowns) -> f64 {
-        let left = theta_std / self.initial_theta_std[i];
         let model = self.model_std(i, map, unknowns);
-        (1.0 - left * left).max(0.0) * model * model
+        self.learnt(i, theta_std) * model * model
     }
 
     /// What the model's simplifications can make of an unknown, as a standard deviation.
