@@ -4,32 +4,86 @@ use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+
+/// From so many bytes on another thread hashes, beside the reader.
+const LARGE: u64 = 1 << 20;
+/// Blocks that may wait for the other thread.
+const WAITING: usize = 16;
 
 /// Passes bytes on and remembers their number and SHA-256.
 pub struct Hashed<R> {
     from: R,
-    hash: Sha256,
+    hasher: Hasher,
     /// How many bytes have passed.
     pub count: u64,
 }
 
-impl<R: Read> Hashed<R> {
+enum Hasher {
+    Here(Sha256),
+    Beside { blocks: SyncSender<Vec<u8>>, used: Receiver<Vec<u8>>, thread: JoinHandle<Sha256> },
+}
+
+impl Hasher {
+    /// Goes on with another thread, if there can be one.
+    fn beside(hash: Sha256) -> Self {
+        let (blocks, waiting) = sync_channel::<Vec<u8>>(WAITING);
+        let (done, used) = sync_channel(WAITING + 2);
+        let mut other = hash.clone();
+        let work = move || {
+            for block in waiting {
+                other.update(&block);
+                let _ = done.try_send(block);
+            }
+            other
+        };
+        match std::thread::Builder::new().spawn(work) {
+            Ok(thread) => Self::Beside { blocks, used, thread },
+            Err(_) => Self::Here(hash),
+        }
+    }
+}
+
+impl<R> Hashed<R> {
     /// From the first byte on.
     pub fn new(from: R) -> Self {
-        Self { from, hash: Sha256::new(), count: 0 }
+        Self { from, hasher: Hasher::Here(Sha256::new()), count: 0 }
     }
 
     /// Of what has passed, hexadecimal.
-    pub fn sha256(&self) -> String {
-        hexadecimal(&self.hash.clone().finalize())
+    pub fn sha256(&mut self) -> String {
+        match std::mem::replace(&mut self.hasher, Hasher::Here(Sha256::new())) {
+            Hasher::Here(hash) => hexadecimal(&hash.finalize()),
+            Hasher::Beside { blocks, thread, .. } => {
+                drop(blocks);
+                // hashing does not panic
+                thread.join().map(|hash| hexadecimal(&hash.finalize())).unwrap_or_default()
+            }
+        }
     }
 }
 
 impl<R: Read> Read for Hashed<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let count = self.from.read(buffer)?;
-        self.hash.update(&buffer[..count]);
+        let bytes = &buffer[..count];
         self.count += count as u64;
+        match &mut self.hasher {
+            Hasher::Here(hash) => {
+                hash.update(bytes);
+                if self.count >= LARGE {
+                    self.hasher = Hasher::beside(hash.clone());
+                }
+            }
+            Hasher::Beside { blocks, used, .. } => {
+                let mut block = used.try_recv().unwrap_or_default();
+                block.clear();
+                block.extend_from_slice(bytes);
+                // the other end is open until this one closes
+                let _ = blocks.send(block);
+            }
+        }
         Ok(count)
     }
 }
@@ -49,4 +103,19 @@ pub fn of_bytes(bytes: &[u8]) -> String {
 /// Two digits for each byte.
 fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_is_hashed_beside_the_reader_has_the_hash_of_its_bytes() {
+        for length in [0, 1000, LARGE as usize - 1, LARGE as usize, 3 * LARGE as usize + 12_345] {
+            let bytes: Vec<u8> = (0..length).map(|k| ((k * k) >> 7) as u8).collect();
+            let mut hashed = Hashed::new(bytes.as_slice());
+            assert_eq!(io::copy(&mut hashed, &mut io::sink()).unwrap(), length as u64);
+            assert_eq!(hashed.sha256(), of_bytes(&bytes), "{length} bytes");
+        }
+    }
 }

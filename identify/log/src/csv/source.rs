@@ -104,8 +104,7 @@ impl<'a> Source<'a> {
     pub fn sha256(self) -> io::Result<String> {
         drop(self.text);
         io::copy(&mut self.bytes.clone(), &mut io::sink())?;
-        let hashed = self.bytes.0.borrow();
-        Ok(hashed.sha256())
+        Ok(self.bytes.0.borrow_mut().sha256())
     }
 }
 
