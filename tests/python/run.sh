@@ -19,7 +19,9 @@ fmus=$(mktemp -d)
 trap 'rm -rf "$fmus"' EXIT
 "$target/debug/pack" all --out "$fmus" >/dev/null
 rm -f "$clean"/*.whl
-library=$(ls "$target"/debug/{libwheelstate_python.so,libwheelstate_python.dylib,wheelstate_python.dll} 2>/dev/null | head -1)
+for name in libwheelstate_python.so libwheelstate_python.dylib wheelstate_python.dll; do
+  [ -f "$target/debug/$name" ] && library=$target/debug/$name
+done
 PATH="$PWD/.venv/bin:$PATH" WHEELSTATE_FMUS="$fmus" WHEELSTATE_EXTENSION="$library" \
   .venv/bin/pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir "$clean" identify/python
 "$clean/venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --force-reinstall "$clean"/wheelstate-*.whl
