@@ -132,24 +132,46 @@ def plot(title: str, points: list[tuple[str, float, float]]) -> str:
             f'<g><title>{words}</title><line x1="{x(k):.1f}" x2="{x(k):.1f}" y1="{top:.1f}" y2="{bottom:.1f}" stroke="#7a9cc6"/>'
             f'<circle cx="{x(k):.1f}" cy="{y(value):.1f}" r="3" fill="#1f4e8c"/></g>'
         )
+    digits = max(0, 2 - math.floor(math.log10(size)))
     axis = "".join(
-        f'<text x="74" y="{y(value) + 4:.1f}" text-anchor="end">{value:.5g}</text>'
+        f'<text x="74" y="{y(value) + 4:.1f}" text-anchor="end">{value:.{digits}f}</text>'
         f'<line x1="80" x2="680" y1="{y(value):.1f}" y2="{y(value):.1f}" stroke="#dddddd"/>'
         for value in (low, low + size / 2, high)
     )
+    ends = "".join(
+        f'<text x="{x(k):.1f}" y="206" text-anchor="middle">{html.escape(points[k][0])}</text>' for k in (0, len(points) - 1)
+    )
     return (
         f'<svg viewBox="0 0 700 210" role="img" aria-label="{html.escape(title)}"><text x="80" y="16" font-weight="bold">'
-        f"{html.escape(title)}</text>{axis}{''.join(marks)}</svg>"
+        f"{html.escape(title)}</text>{axis}{ends}{''.join(marks)}</svg>"
     )
 
 
-def page(vehicle: str, lines: list[str], plots: list[str]) -> str:
+def overview(results: dict[str, wheelstate.Fit]) -> str:
+    """The parameters of all machines beside each other."""
+    names = sorted({name for fit in results.values() for name in fit.parameters})
+    head = "".join(f"<th>{html.escape(machine)}</th>" for machine in results)
+    rows = []
+    for name in names:
+        cells = []
+        for fit in results.values():
+            found = fit.parameters.get(name)
+            verdict = "" if found is None or found.identified else f" ({found.verdict.replace('-', ' ')})"
+            cells.append(f"<td>{found.value:.4g} +- {found.std_error:.1g}{verdict}</td>" if found else "<td></td>")
+        unit = next((fit[name].unit for fit in results.values() if name in fit.parameters), "1")
+        rows.append(f"<tr><td>{html.escape(name)}{'' if unit == '1' else ', ' + html.escape(unit)}</td>{''.join(cells)}</tr>")
+    return f"<table><tr><th>all logs</th>{head}</tr>{''.join(rows)}</table>"
+
+
+def page(vehicle: str, lines: list[str], table: str, plots: list[str]) -> str:
     """The fleet's report: one file, no network, no scripts."""
     said = "".join(f"<li>{html.escape(line)}</li>" for line in lines) or "<li>nothing stands out</li>"
     style = "body{font:15px sans-serif;max-width:46em;margin:2em auto;padding:0 1em}svg{width:100%;font:11px sans-serif}"
+    style += "table{border-collapse:collapse}td,th{text-align:left;padding:.2em 1em .2em 0;border-bottom:1px solid #dddddd}"
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{vehicle}: the fleet</title><style>{style}</style>'
-        f"<h1>{vehicle}: the fleet</h1><h2>What stands out</h2><ul>{said}</ul><h2>Parameters</h2>{''.join(plots)}</html>\n"
+        f"<h1>{vehicle}: the fleet</h1><h2>What stands out</h2><ul>{said}</ul><h2>Machines</h2>{table}<h2>Parameters</h2>"
+        f"<p>Values with two standard deviations, in the order of time.</p>{''.join(plots)}</html>\n"
     )
 
 
@@ -178,7 +200,8 @@ def look(name: str, fits: dict[str, wheelstate.Fit]) -> tuple[list[str], list[st
         known = {key: each[parameter] for key, each in of.items() if parameter in each}
         if len(known) < 2:
             continue
-        plots.append(plot(f"{name}: {parameter}", [(key, *pair) for key, pair in known.items()]))
+        unit = next(fit[parameter].unit for fit in fits.values() if parameter in fit.parameters)
+        plots.append(plot(f"{name}: {parameter}" + ("" if unit == "1" else f", {unit}"), [(key, *pair) for key, pair in known.items()]))
         slope = drift([(float(k), *pair) for k, pair in enumerate(known.values())])
         if slope is not None and slope[2] < CHANCE:
             lines.append(f"{name}: {parameter} drifts by {slope[0]:.3g} +- {slope[1]:.1g} per log (p = {slope[2]:.1g})")
@@ -257,7 +280,7 @@ def main() -> int:
         writer = csv.writer(file)
         writer.writerow(["machine", "log", "parameter", "value", "std_error", "unit", "verdict"])
         writer.writerows(table)
-    (options.out / "fleet.html").write_text(page(options.vehicle, lines, plots), encoding="utf-8")
+    (options.out / "fleet.html").write_text(page(options.vehicle, lines, overview(results), plots), encoding="utf-8")
     for line in lines:
         print(line)
     print(f"{options.out / 'fleet.html'}: {sum(map(len, fleet.values()))} logs of {len(fleet)} machines")
