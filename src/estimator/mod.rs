@@ -5,6 +5,7 @@
 //! restoring a state and repeating the inputs repeats the bytes.
 
 mod finite;
+pub mod hindsight;
 pub mod human_dynamics;
 pub mod nursing_robot;
 pub mod sampled;
@@ -16,6 +17,7 @@ pub mod wheeled_robot;
 pub use sampled::{Diagnostics, Elapsed, Machine, Outcome, Rules, Sampled};
 
 use crate::{ParameterError, Status, Variables};
+use hindsight::{Belief, Hindsight, NO_STATES};
 use serde::{Serialize, de::DeserializeOwned};
 
 /// An online estimator of one machine. Hosts move it between threads.
@@ -84,6 +86,20 @@ pub trait Estimator: Clone + Send {
     /// Continues from a state of an estimator with equal parameters. Refuses one that cannot come
     /// from such an estimator (other sizes, values that are not finite) and is then unchanged.
     fn restore(&mut self, state: &Self::State) -> Result<(), StateError>;
+
+    /// What the filter expects of a sample that comes `dt` seconds after the last one, and how its belief leads there:
+    /// called before [`step`](Self::step) with the same arguments, and changes nothing. By default nothing.
+    fn hindsight(&self, _inputs: &Self::Inputs, _dt: f64, into: &mut Hindsight) {
+        into.clear();
+    }
+
+    /// Mean and covariance of the states that can be smoothed, or why there are none.
+    fn belief(&self) -> Result<Belief, &'static str> {
+        Err(NO_STATES)
+    }
+
+    /// Puts a smoothed belief in the place of the filter's, for [`outputs`](Self::outputs) only: no step may follow.
+    fn believe(&mut self, _belief: &Belief) {}
 
     /// Takes over changed tunable parameters and keeps the state.
     fn retune(&mut self, parameters: &Self::Parameters) -> Result<(), ParameterError> {

@@ -18,6 +18,7 @@
 //! | a stored state with a number that is not finite | is refused and nothing changes |
 
 use super::finite::all_finite;
+use super::hindsight::{Belief, Hindsight, NO_STATES};
 use super::{Estimator, StateError};
 use crate::filter::nis_monitor::NisMonitor;
 use crate::{ParameterError, Status, Variables};
@@ -57,6 +58,16 @@ pub enum Elapsed {
 }
 
 impl Elapsed {
+    /// `dt` seconds since the sample before, if there was one.
+    #[inline]
+    fn of(started: bool, dt: f64, longest_gap: f64) -> Self {
+        match started {
+            false => Self::First,
+            true if dt > longest_gap => Self::Gap(dt),
+            true => Self::Step(dt),
+        }
+    }
+
     /// Seconds since the sample before, 0 at the first one.
     pub fn seconds(self) -> f64 {
         match self {
@@ -127,6 +138,25 @@ pub trait Machine: Clone + Send {
     /// The estimates `horizon >= 0` seconds after the last sample: its posterior, the mean carried forward by the
     /// model with these inputs held. Leaves the diagnostics alone.
     fn estimates(&self, state: &Self::State, inputs: &Self::Inputs, horizon: f64, outputs: &mut Self::Outputs);
+
+    /// What the filter expects of a sample, before it is taken, and how its belief leads there. By default nothing.
+    fn hindsight(
+        &self,
+        _state: &Self::State,
+        _inputs: &Self::Inputs,
+        _screened: Status,
+        _elapsed: Elapsed,
+        _into: &mut Hindsight,
+    ) {
+    }
+
+    /// Mean and covariance of the states that can be smoothed, or why there are none.
+    fn belief(&self, _state: &Self::State) -> Result<Belief, &'static str> {
+        Err(NO_STATES)
+    }
+
+    /// Puts a smoothed belief in the place of the filter's, for [`estimates`](Self::estimates).
+    fn believe(&self, _state: &mut Self::State, _belief: &Belief) {}
 
     /// Whether these estimates are certain and plausible enough to be used.
     fn usable(&self, state: &Self::State, outputs: &Self::Outputs) -> bool;
@@ -315,11 +345,7 @@ impl<M: Machine> Estimator for Sampled<M> {
             last[slot] = value.or(last[slot]);
             last[slot]
         });
-        let elapsed = match self.state.started {
-            false => Elapsed::First,
-            true if dt > self.longest_gap => Elapsed::Gap(dt),
-            true => Elapsed::Step(dt),
-        };
+        let elapsed = Elapsed::of(self.state.started, dt, self.longest_gap);
         let outcome = self.machine.sample(&mut self.state.machine, screened, status, elapsed);
         status |= outcome.status;
         status.raise_if(matches!(elapsed, Elapsed::Gap(_)), Status::BAD_STEP | Status::RESTARTED);
@@ -362,6 +388,26 @@ impl<M: Machine> Estimator for Sampled<M> {
             && !state.diagnostics.status.intersects(disturbed)
             && self.machine.usable(&state.machine, outputs);
         *outputs.as_mut() = Diagnostics { healthy, ..state.diagnostics };
+    }
+
+    fn hindsight(&self, inputs: &M::Inputs, dt: f64, into: &mut Hindsight) {
+        into.clear();
+        let State { machine, started, last, .. } = &self.state;
+        if *started && !(dt > 0.0 && dt.is_finite()) {
+            return;
+        }
+        let mut screened = inputs.clone();
+        let status = Self::screen(&self.channels, &mut screened, |slot, value| value.or(last[slot]));
+        let elapsed = Elapsed::of(*started, dt, self.longest_gap);
+        self.machine.hindsight(machine, &screened, status, elapsed, into);
+    }
+
+    fn belief(&self) -> Result<Belief, &'static str> {
+        self.machine.belief(&self.state.machine)
+    }
+
+    fn believe(&mut self, belief: &Belief) {
+        self.machine.believe(&mut self.state.machine, belief);
     }
 
     fn state(&self) -> &Self::State {

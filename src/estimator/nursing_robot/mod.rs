@@ -82,6 +82,7 @@ pub use parameters::*;
 pub use status::{MassStatus, SwayStatus};
 pub use variables::{Inputs, Outputs};
 
+use crate::estimator::hindsight::{Belief, Hindsight};
 use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::innovation::Innovation;
 use crate::variable::Estimate;
@@ -312,6 +313,35 @@ impl Machine for NursingMachine {
         out.sway_pitch = sway.motion;
         (out.sway_force, out.hip_torque) = (sway.force, sway.torque);
         self.report_centre_of_gravity(out);
+    }
+
+    fn hindsight(&self, state: &State, inputs: &Inputs, _: Status, elapsed: Elapsed, into: &mut Hindsight) {
+        let mut after = state.clone();
+        let dt = elapsed.seconds();
+        self.watch_speed(&mut after, inputs.speed, dt);
+        let force = self.net_force(&after, inputs);
+        let measured = MassSample { force, speed: inputs.speed, specific_force: inputs.accel_x };
+        match (&self.sway, &state.sway, elapsed) {
+            (Some(filter), Some(sway), Elapsed::Step(_)) => {
+                self.mass.step(&mut after.mass, &measured, dt);
+                let channels = [inputs.speed, inputs.tilt, inputs.tilt_rate];
+                let sample = SwaySample { force, yaw_rate: inputs.yaw_rate, channels };
+                filter.look_back(sway, &sample, after.mass.rls.estimate, dt, into);
+            }
+            // The filter begins at this sample, or is off.
+            _ => into.nothing_expected(&SwayEstimator::CHANNELS),
+        }
+    }
+
+    fn belief(&self, state: &State) -> Result<Belief, &'static str> {
+        let off = "its sway filter is off, and its mass is no state but a regression over all samples so far";
+        state.sway.as_ref().map(SwayState::belief).ok_or(off)
+    }
+
+    fn believe(&self, state: &mut State, belief: &Belief) {
+        if let Some(sway) = &mut state.sway {
+            sway.put(belief);
+        }
     }
 
     fn usable(&self, state: &State, _: &Outputs) -> bool {

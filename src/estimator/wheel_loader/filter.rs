@@ -22,7 +22,7 @@ pub struct LoaderFilter {
     /// Whether the radii are among the states.
     pub radii: bool,
     supervise: bool,
-    prediction: Prediction,
+    pub(super) prediction: Prediction,
     /// Noise of the measurements.
     pub noise: SensorNoise,
     gate: Gate,
@@ -39,7 +39,7 @@ pub struct Channels {
     /// Rejections in a row of speed and wheel speeds.
     rejections: [u32; 3],
     /// Noise level of each axle.
-    roughness: [Roughness; 2],
+    pub(super) roughness: [Roughness; 2],
 }
 
 impl Channels {

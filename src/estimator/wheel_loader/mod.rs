@@ -85,6 +85,7 @@ mod bend;
 mod coordinates;
 mod evidence;
 mod filter;
+mod hindsight;
 mod noise;
 mod parameters;
 mod prediction;
@@ -98,6 +99,7 @@ pub use belief::Belief;
 pub use parameters::*;
 pub use variables::{Inputs, Outputs};
 
+use super::hindsight::{Belief as Smoothed, Hindsight};
 use super::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::model::wheel_loader::{Drive, Motion, Steering};
 use crate::{ParameterError, Status};
@@ -315,6 +317,18 @@ impl Machine for LoaderMachine {
 
     fn estimates(&self, state: &State, inputs: &Inputs, horizon: f64, outputs: &mut Outputs) {
         self.report(state, inputs, horizon, outputs);
+    }
+
+    fn hindsight(&self, state: &State, inputs: &Inputs, screened: Status, elapsed: Elapsed, into: &mut Hindsight) {
+        self.look_back(state, inputs, screened, elapsed, into);
+    }
+
+    fn belief(&self, state: &State) -> Result<Smoothed, &'static str> {
+        Ok(self.states(state))
+    }
+
+    fn believe(&self, state: &mut State, belief: &Smoothed) {
+        self.put(state, belief);
     }
 
     fn usable(&self, state: &State, outputs: &Outputs) -> bool {

@@ -8,7 +8,7 @@ use crate::filter::sigma_points::UnscentedTransform;
 use crate::filter::square_root::{absorb_diagonal, variances};
 use crate::filter::srukf;
 use crate::model::wheel_loader::{Drive, Driven, Motion, Unknowns};
-use nalgebra::{SVector, Vector3};
+use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Longest implicit step of the model, s.
 const LONGEST_STEP: f64 = 0.01;
@@ -86,20 +86,53 @@ impl Prediction {
                 });
             }
             Kind::Extended => {
-                let (moved, mut f) =
-                    driven.advance_linearised::<N>(map.radius(errors), &motion, &unknowns.unknowns, dt, substeps);
-                let derivative = map.derivative(&unknowns.unknowns);
-                for row in 0..3 {
-                    for k in 3..6 {
-                        f[(row, k)] *= derivative[k - 3];
-                    }
-                    for k in 6..N {
-                        f[(row, k)] /= 1.0 + mean[k];
-                    }
-                }
+                let (moved, f) = linearised(belief, map, &driven, dt, substeps);
                 srukf::predict_linearised::<N, 3, K>(belief, &moved, &f, &std);
             }
         }
+    }
+
+    /// Covariance of the belief now with that at the end of [`predict`](Self::predict): `S M^T`, where `M` holds what
+    /// becomes of the columns of the factor `S`, half the distance of opposite sigma points for the motion.
+    pub fn cross_covariance<const N: usize>(
+        &self,
+        belief: &FactoredGaussian<N>,
+        map: &Map,
+        drive: &Drive,
+        dt: f64,
+    ) -> SMatrix<f64, N, N> {
+        let substeps = self.substeps.max((dt / LONGEST_STEP - 1e-9).ceil() as u32);
+        let (mean, driven) = (&belief.mean, Driven::new(&map.machine, drive));
+        let mut moved = belief.factor;
+        if self.kind == Kind::Extended {
+            let (_, f) = linearised(belief, map, &driven, dt, substeps);
+            moved.fixed_rows_mut::<3>(0).copy_from(&(f * belief.factor));
+        } else {
+            let (motion, errors) = (Motion::new(mean[0], mean[1], mean[2]), radius_errors(mean));
+            let unknowns = map.centre(&Vector3::new(mean[3], mean[4], mean[5]));
+            for j in 0..N {
+                let offset = belief.factor.column(j) * self.transform.distance;
+                let step = Motion::new(offset[0], offset[1], offset[2]);
+                let [up, down] = unknowns.pair(&Vector3::new(offset[3], offset[4], offset[5]));
+                let [front, rear] = radius_errors(&offset);
+                let up = driven.advance(
+                    map.radius([errors[0] + front, errors[1] + rear]),
+                    &(motion + step),
+                    &up,
+                    dt,
+                    substeps,
+                );
+                let down = driven.advance(
+                    map.radius([errors[0] - front, errors[1] - rear]),
+                    &(motion - step),
+                    &down,
+                    dt,
+                    substeps,
+                );
+                moved.fixed_view_mut::<3, 1>(0, j).copy_from(&((up - down) * (0.5 / self.transform.distance)));
+            }
+        }
+        belief.factor * moved.transpose()
     }
 
     /// Standard deviations of the process noise over `dt` seconds. Those of the unknowns make up for what is short of
@@ -117,6 +150,30 @@ impl Prediction {
         }
         std
     }
+}
+
+/// Where the motion goes, with the derivative over all states.
+fn linearised<const N: usize>(
+    belief: &FactoredGaussian<N>,
+    map: &Map,
+    driven: &Driven,
+    dt: f64,
+    substeps: u32,
+) -> (Motion, SMatrix<f64, 3, N>) {
+    let mean = &belief.mean;
+    let (motion, errors) = (Motion::new(mean[0], mean[1], mean[2]), radius_errors(mean));
+    let unknowns = map.centre(&Vector3::new(mean[3], mean[4], mean[5])).unknowns;
+    let (moved, mut f) = driven.advance_linearised::<N>(map.radius(errors), &motion, &unknowns, dt, substeps);
+    let derivative = map.derivative(&unknowns);
+    for row in 0..3 {
+        for k in 3..6 {
+            f[(row, k)] *= derivative[k - 3];
+        }
+        for k in 6..N {
+            f[(row, k)] /= 1.0 + mean[k];
+        }
+    }
+    (moved, f)
 }
 
 /// The relative errors of the radii, where they are among the states.

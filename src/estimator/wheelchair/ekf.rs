@@ -319,7 +319,7 @@ impl<F> ChairEkf<F> {
     }
 
     /// The rows that have a sample.
-    fn rows<const N: usize, const K: usize, const P: usize>(
+    pub(super) fn rows<const N: usize, const K: usize, const P: usize>(
         &self,
         belief: &Gaussian<N>,
         sample: &Sample,

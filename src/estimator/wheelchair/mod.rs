@@ -86,6 +86,7 @@ mod belief;
 mod contour;
 pub mod ekf;
 mod forms;
+mod hindsight;
 mod outliers;
 mod parameters;
 mod report;
@@ -105,6 +106,7 @@ pub use variables::{Inputs, Outputs};
 pub use vibration::Vibration;
 pub use watch::Watch;
 
+use crate::estimator::hindsight::{Belief, Hindsight};
 use crate::estimator::standstill::Standstill;
 use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::ekf::NotPositiveDefinite;
@@ -385,6 +387,18 @@ impl Machine for ChairMachine {
 
     fn estimates(&self, state: &State, inputs: &Inputs, horizon: f64, outputs: &mut Outputs) {
         self.report(state, inputs, horizon, outputs);
+    }
+
+    fn hindsight(&self, state: &State, inputs: &Inputs, _: Status, elapsed: Elapsed, into: &mut Hindsight) {
+        self.look_back(state, inputs, elapsed, into);
+    }
+
+    fn belief(&self, state: &State) -> Result<Belief, &'static str> {
+        Ok(hindsight::of(&state.belief))
+    }
+
+    fn believe(&self, state: &mut State, belief: &Belief) {
+        Self::put(state, belief);
     }
 
     fn usable(&self, _: &State, outputs: &Outputs) -> bool {

@@ -73,6 +73,7 @@
 mod agreement;
 mod constants;
 mod forces;
+mod hindsight;
 mod integration;
 mod motion;
 mod parameters;
@@ -90,16 +91,17 @@ pub use parameters::{
 };
 pub use variables::{Inputs, Outputs};
 
+use super::hindsight::{Belief, Hindsight};
 use super::standstill::Standstill;
 use super::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::bounded;
 use crate::filter::gaussian::FactoredGaussian;
 use crate::filter::innovation::Gate;
 use crate::filter::signal_noise::SignalNoise;
-use crate::model::wheeled_robot::{Drive, Forces, Motion, WheeledRobot as Model};
+use crate::model::wheeled_robot::{Drive, Driven, Forces, Motion, WheeledRobot as Model};
 use crate::{ParameterError, Status};
 use agreement::{ACCELERATION, Agreement, STEERING};
-use constants::{Constants, Cross};
+use constants::{Constants, Cross, Slopes};
 use forces::{ForceObservers, Predicted, Readings, sampled};
 use integration::Integration;
 use nalgebra::{Vector3, Vector4};
@@ -246,6 +248,63 @@ impl RobotMachine {
     }
 }
 
+/// What a sample is held against: the measurements with their noise, and the model as it is driven then.
+struct Measured<'a> {
+    slopes: Slopes,
+    readings: Readings,
+    /// The measured speed over ground.
+    reference: Option<f64>,
+    drive: Drive,
+    driven: Driven<'a>,
+    z: Vector4<f64>,
+    /// Standard deviations of the measurements.
+    noise: Vector4<f64>,
+    gate: Gate,
+}
+
+impl RobotMachine {
+    /// Everything up to the measurement update: time update, wheel forces, measurements and their noise.
+    #[inline]
+    fn measure(&self, state: &mut State, inputs: &Inputs, elapsed: Elapsed) -> Measured<'_> {
+        let (steps, h) = self.steps(elapsed);
+        let drive = Drive::new(state.steering, state.forces.force);
+        let slopes = self.constants.slopes(&self.model, &state.belief.mean.into(), &drive, &state.grip);
+        match elapsed {
+            Elapsed::First => {}
+            Elapsed::Step(_) => self.predict(state, &drive, &slopes, (steps, h)),
+            Elapsed::Gap(gap) => self.bridge_gap(state, gap),
+        }
+
+        let readings = Readings::from(inputs);
+        state.steering = inputs.steering_angle;
+        let drive = Drive::new(state.steering, state.forces.force);
+        let (load, lateral) = (state.grip.load, state.grip.lateral);
+        let predicted = Predicted { x: state.belief.mean.into(), drive, load, lateral };
+        self.observers.step(&mut state.forces, &readings, &self.model, &predicted, (steps, h));
+        let from_wheels = || self.wheel_speed.speed(&readings, &state.forces.force, &predicted);
+        let reference = sampled(inputs.speed);
+        let speed = reference
+            .or_else(|| if self.parameters.filter.channels == Channels::WheelSpeed { from_wheels() } else { None });
+        if let Some(speed) = speed {
+            self.start_at(&mut state.belief, speed, elapsed);
+        }
+
+        let drive = Drive::new(state.steering, state.forces.force);
+        let driven = self.model.driven(&drive);
+        // an acceleration that gave the forces is no measurement any more
+        let accel_x = readings.accel_x.filter(|_| readings.torque_is_known);
+        let z = Vector4::new(accel_x.unwrap_or(f64::NAN), inputs.accel_y, inputs.gyro_z, speed.unwrap_or(f64::NAN));
+        if self.adapts_noise() {
+            let noises = z.component_div(&self.declared_noise());
+            state.noise.update(&noises, f64::from(steps) * h);
+        }
+        let noise = self.present_noise(state);
+        // the inputs that held through a pause are not those of the pause
+        let gate = if f64::from(steps) * h > LONGEST_JUDGED { Gate::OPEN } else { self.gate };
+        Measured { slopes, readings, reference, drive, driven, z, noise, gate }
+    }
+}
+
 impl State {
     /// Whether the measurements contradict one another.
     fn disagrees(&self) -> bool {
@@ -311,39 +370,8 @@ impl Machine for RobotMachine {
     fn sample(&mut self, state: &mut State, inputs: &Inputs, _: Status, elapsed: Elapsed) -> Outcome {
         let filter = &self.parameters.filter;
         let (steps, h) = self.steps(elapsed);
-        let drive = Drive::new(state.steering, state.forces.force);
-        let slopes = self.constants.slopes(&self.model, &state.belief.mean.into(), &drive, &state.grip);
-        match elapsed {
-            Elapsed::First => {}
-            Elapsed::Step(_) => self.predict(state, &drive, &slopes, (steps, h)),
-            Elapsed::Gap(gap) => self.bridge_gap(state, gap),
-        }
-
-        let readings = Readings::from(inputs);
-        state.steering = inputs.steering_angle;
-        let drive = Drive::new(state.steering, state.forces.force);
-        let (load, lateral) = (state.grip.load, state.grip.lateral);
-        let predicted = Predicted { x: state.belief.mean.into(), drive, load, lateral };
-        self.observers.step(&mut state.forces, &readings, &self.model, &predicted, (steps, h));
-        let from_wheels = || self.wheel_speed.speed(&readings, &state.forces.force, &predicted);
-        let reference = sampled(inputs.speed);
-        let speed = reference.or_else(|| if filter.channels == Channels::WheelSpeed { from_wheels() } else { None });
-        if let Some(speed) = speed {
-            self.start_at(&mut state.belief, speed, elapsed);
-        }
-
-        let drive = Drive::new(state.steering, state.forces.force);
-        let driven = self.model.driven(&drive);
-        // an acceleration that gave the forces is no measurement any more
-        let accel_x = readings.accel_x.filter(|_| readings.torque_is_known);
-        let z = Vector4::new(accel_x.unwrap_or(f64::NAN), inputs.accel_y, inputs.gyro_z, speed.unwrap_or(f64::NAN));
-        if self.adapts_noise() {
-            let noises = z.component_div(&self.declared_noise());
-            state.noise.update(&noises, f64::from(steps) * h);
-        }
-        let noise = self.present_noise(state);
-        // the inputs that held through a pause are not those of the pause
-        let gate = if f64::from(steps) * h > LONGEST_JUDGED { Gate::OPEN } else { self.gate };
+        let Measured { slopes, readings, reference, drive, driven, z, noise, gate } =
+            self.measure(state, inputs, elapsed);
         let innovation = self.correct(state, (&z, &noise, gate), reference.is_none(), &slopes, &driven);
         let mut status = Status::OK;
         let known = state.belief.is_valid() && bounded(state.cross.abs().sum());
@@ -391,6 +419,15 @@ impl Machine for RobotMachine {
 
     fn estimates(&self, state: &State, inputs: &Inputs, horizon: f64, outputs: &mut Outputs) {
         self.report(state, inputs.steering_angle, horizon, outputs);
+    }
+
+    fn hindsight(&self, state: &State, inputs: &Inputs, _: Status, elapsed: Elapsed, into: &mut Hindsight) {
+        self.look_back(state, inputs, elapsed, into);
+    }
+
+    fn belief(&self, _: &State) -> Result<Belief, &'static str> {
+        Err("its filter considers errors of constants that it does not estimate, and takes the wheels' forces from \
+             observers without a covariance: its gain is not that of which the smoother's covariances are true")
     }
 
     fn usable(&self, state: &State, _: &Outputs) -> bool {

@@ -49,13 +49,7 @@ impl SwayEstimator {
     /// Takes one sample: time update over `dt` (none if `dt` is zero), then measurement update, with
     /// `mass` kg of load.
     pub fn step(&self, state: &mut SwayState, sample: &SwaySample, mass: f64, dt: f64) -> Correction {
-        state.mass = mass.clamp(self.mass_bounds.0, self.mass_bounds.1);
-        let force = if sample.force.is_nan() { state.last_force() } else { sample.force };
-        let mean_force = 0.5 * (state.force.unwrap_or(force) + force);
-        state.force = if sample.force.is_nan() { state.force } else { Some(force) };
-        state.yaw_rate = sample.yaw_rate;
-        self.watch_wheels(state, sample.channels[0], dt);
-        let step = self.step_of(state, mean_force, dt);
+        let step = self.begin(state, sample, mass, dt);
         let (z, before) = (sample.channels, *state);
         let done = match before.belief {
             SwayBelief::Two(mut belief) => {
@@ -80,6 +74,18 @@ impl SwayEstimator {
         });
         state.status = done.status;
         done
+    }
+
+    /// Takes over what a sample says besides its measurements; the step that leads to it.
+    #[inline]
+    pub(super) fn begin(&self, state: &mut SwayState, sample: &SwaySample, mass: f64, dt: f64) -> Step<'_> {
+        state.mass = mass.clamp(self.mass_bounds.0, self.mass_bounds.1);
+        let force = if sample.force.is_nan() { state.last_force() } else { sample.force };
+        let mean_force = 0.5 * (state.force.unwrap_or(force) + force);
+        state.force = if sample.force.is_nan() { state.force } else { Some(force) };
+        state.yaw_rate = sample.yaw_rate;
+        self.watch_wheels(state, sample.channels[0], dt);
+        self.step_of(state, mean_force, dt)
     }
 
     /// Whether the wheels are held: the smoothed speed has been small for long enough.
@@ -170,7 +176,7 @@ impl SwayEstimator {
     }
 
     /// Process noise over one step: independent on the states, and a white hip torque.
-    fn add_noise<const N: usize>(&self, belief: &mut Gaussian<N>, step: &Step, scale: f64) {
+    pub(super) fn add_noise<const N: usize>(&self, belief: &mut Gaussian<N>, step: &Step, scale: f64) {
         let mut density = self.density;
         match self.form {
             Form::PaperRaw | Form::Paper => density[1] *= scale,

@@ -12,6 +12,7 @@
 //! shows the body or the model is asked for by name.
 
 mod filter;
+mod hindsight;
 mod motion;
 mod readout;
 mod state;
