@@ -52,7 +52,8 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Runs an estimator over rows at these times, which increase; `read` gives the inputs of a row, `see` is shown the
+/// Runs an estimator over rows at these times, which increase; `read` gives the inputs of a row, `before` is shown the
+/// estimator before each sample with the arguments of its step, `see` the
 /// number of each estimate, its time and the estimates, and may stop the run.
 ///
 /// - [`Sampling::EveryRow`]: as many estimates as rows, each at its row's time and after its row's sample.
@@ -63,6 +64,7 @@ pub fn replay<E: Estimator, S>(
     (sampling, last): (Sampling, f64),
     time: &[f64],
     mut read: impl FnMut(usize, &mut E::Inputs),
+    mut before: impl FnMut(&E, &E::Inputs, f64),
     mut see: impl FnMut(usize, f64, &E::Outputs) -> Result<(), S>,
 ) -> Result<(), S> {
     let (mut inputs, mut outputs) = (E::Inputs::default(), E::Outputs::default());
@@ -72,6 +74,7 @@ pub fn replay<E: Estimator, S>(
             for (k, now) in time.iter().enumerate() {
                 read(k, &mut inputs);
                 let dt = if k == 0 { period } else { now - time[k - 1] };
+                before(estimator, &inputs, dt);
                 estimator.step(&inputs, dt);
                 estimator.outputs(&inputs, 0.0, &mut outputs);
                 see(k, *now, &outputs)?;
@@ -84,11 +87,15 @@ pub fn replay<E: Estimator, S>(
             estimator.outputs(&inputs, 0.0, &mut outputs);
             see(0, *start, &outputs)?;
             for (k, now) in time.iter().enumerate() {
-                read(k, &mut inputs);
                 let end = time.get(k + 1).copied().unwrap_or(now + last);
                 let until = clock.advance(*now, end - now, period);
+                if clock.samples() < until {
+                    // The inputs of a row without a sample act on nothing, not on the prediction either.
+                    read(k, &mut inputs);
+                }
                 while clock.samples() < until {
                     clock.tick(period);
+                    before(estimator, &inputs, period);
                     estimator.step(&inputs, period);
                 }
                 estimator.outputs(&inputs, clock.ahead(period), &mut outputs);
@@ -165,6 +172,7 @@ impl<E: Estimator> Track<E> {
             (Sampling::EveryRow, f64::NAN),
             &self.time,
             |k, inputs| inputs.clone_from(&self.inputs[k]),
+            |_, _, _| {},
             |k, _, outputs| {
                 see(k, outputs);
                 Ok::<(), Infallible>(())

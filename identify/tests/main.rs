@@ -10,6 +10,7 @@ mod cli;
 mod convert;
 mod coverage;
 mod report;
+mod run;
 mod sixth_machine;
 mod solve;
 mod tune;

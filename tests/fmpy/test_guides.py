@@ -57,6 +57,19 @@ def test_the_fmu_guides_commands_pack_and_verify(program, tmp_path):
     assert len(ran) == 2 and ran[0].count("verified") == 5
 
 
+def test_the_identify_guides_commands_give_estimates_a_report_and_smoothed_estimates(program, tmp_path):
+    for language, code in blocks("identify/README.md"):
+        if language == "sh":
+            run(language, code, tmp_path)
+    estimates, smoothed = fmpy.read_csv(tmp_path / "estimates.csv"), fmpy.read_csv(tmp_path / "smoothed.csv")
+    assert estimates["load_mass"][-1] > 0 and "innovation_speed_std" in estimates.dtype.names
+    truth = fmpy.read_csv(tmp_path / "ride.csv")["true_body_pitch"]
+    error = lambda values: np.sqrt(np.mean((values - truth) ** 2))
+    assert error(smoothed["body_pitch_smoothed"]) < 0.8 * error(smoothed["body_pitch"])
+    page = (tmp_path / "run.html").read_text()
+    assert page.count("<svg") > 10 and "http" not in page.replace("http://www.w3.org/", "")
+
+
 def test_the_maps_of_the_identify_guide_read_what_they_describe(program, tmp_path):
     columns = ["time_s", "v_kmh", "motor_torque_Nm", "v right", "v left", "delta", "n_left", "imu/ax"]
     rows = [[0.01 * k, 9.0 if k < 3 else 18.0, 10.0, 1.1, 0.55, 0.02, 60.0, 0.5] for k in range(200)]

@@ -114,6 +114,17 @@ def test_a_run_gives_the_numbers_of_the_fmu_in_fmpy(machine, scenario):
             np.testing.assert_allclose(run[name][:rows], result[name][:rows], rtol=1e-12, atol=1e-12, err_msg=name)
 
 
+def test_a_smoothed_run_errs_less_and_reports(tmp_path):
+    log = wheelstate.simulate("wheelchair", "climb", seed=2)
+    run = wheelstate.run("wheelchair", log, set={"initial.heading": np.pi / 2}, smooth=True)
+    error = lambda name: np.sqrt(np.mean((np.asarray(run[name]) - np.asarray(log["true_slope"])) ** 2))
+    assert error("slope_smoothed") < 0.9 * error("slope") and "innovation_accel_x_std" in run.channels
+    run.report(tmp_path / "run.html")
+    assert "<svg" in (tmp_path / "run.html").read_text() and isinstance(run.warnings, list)
+    with pytest.raises(wheelstate.Error, match="WheeledRobot cannot be smoothed"):
+        wheelstate.run("wheeled-robot", wheelstate.simulate("wheeled-robot", "sine", seed=2), smooth=True)
+
+
 def test_a_run_takes_a_fit_and_knows_its_units(drive, fitted):
     run = wheelstate.run("NursingRobot", drive, parameters=fitted)
     assert run.units["load_mass"] == "kg" and isinstance(run.to_pandas(), pd.DataFrame)

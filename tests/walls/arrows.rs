@@ -72,13 +72,34 @@ pub const CRATES: &[Crate] = &[
             ("finding", &[]),
             ("result", &["finding", "wheelstate_log"]),
             ("assess", &["result"]),
-            ("report", &["result", "wheelstate::parameter_set"]),
+            (
+                "report",
+                &[
+                    "result",
+                    "run",
+                    "wheelstate::parameter_set",
+                    "wheelstate::status",
+                    "wheelstate::variable",
+                    "wheelstate_log",
+                ],
+            ),
             // What is common to all machines names none of them.
             ("problem", &["assess", "result", "solve", "wheelstate::variable", "wheelstate_log"]),
             ("check", &["finding", "problem", "wheelstate::variable", "wheelstate_log"]),
             ("simulate", &["wheelstate::variable", "wheelstate_log"]),
             ("replay", &["wheelstate::clock", "wheelstate::estimator", "wheelstate::variable", "wheelstate_log"]),
-            ("run", &["replay", "result", "wheelstate::estimator", "wheelstate::variable", "wheelstate_log"]),
+            (
+                "run",
+                &[
+                    "replay",
+                    "result",
+                    "wheelstate::estimator",
+                    "wheelstate::status",
+                    "wheelstate::unit",
+                    "wheelstate::variable",
+                    "wheelstate_log",
+                ],
+            ),
             (
                 "tune",
                 &[

@@ -5,6 +5,7 @@ mod convert;
 mod fit;
 mod human;
 mod maps;
+mod run;
 mod settings;
 mod simulate;
 mod tune;
@@ -50,6 +51,8 @@ enum Command {
     Fit(fit::FitArgs),
     /// Tune the filter's noise settings by replaying logs.
     Tune(tune::TuneArgs),
+    /// Run an estimator over logs at native speed: estimates, innovations, verdicts.
+    Run(run::RunArgs),
     /// Make a log with a built-in plant; its true_* columns hold the truth.
     Simulate(simulate::SimulateArgs),
     /// Rewrite a log with the names and units of the FMU's inputs, for fmpy and other tools.
@@ -134,6 +137,7 @@ pub fn run(
         Command::Check(args) => check::run(&args),
         Command::Fit(args) => fit::run(&args),
         Command::Tune(args) => tune::run(&args),
+        Command::Run(args) => run::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Estimate(args) => human::estimate(&args),

@@ -1,5 +1,6 @@
 //! Parameters from a file, as `pack --params` takes them.
 
+use super::ssv;
 use crate::result::{FORMAT_VERSION, FitReport};
 use serde_json::Value;
 use std::path::Path;
@@ -26,10 +27,14 @@ pub struct ParametersError {
 }
 
 impl Parameters {
-    /// Reads `fit.json`, `tune.json` or a plain `{"name": value, ...}` for a machine with these parameters.
+    /// Reads `fit.json`, `tune.json`, a parameter set (`.ssv`) or a plain `{"name": value, ...}` for a machine with these
+    /// parameters.
     pub fn read(path: &Path, vehicle: &str, declared: &[Variable]) -> Result<Self, ParametersError> {
         let source_name = path.display().to_string();
         match std::fs::read_to_string(path) {
+            Ok(text) if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ssv")) => {
+                ssv::parse(&text, declared).map_err(|reason| ParametersError { source_name, reason })
+            }
             Ok(text) => Self::parse(&source_name, &text, vehicle, declared),
             Err(error) => Err(ParametersError { source_name, reason: error.to_string() }),
         }
