@@ -26,8 +26,11 @@ const LAG: f64 = 0.01;
 /// Blocks of a log: their number and their least length, s.
 const BLOCKS: (usize, usize) = (8, 30);
 const BLOCK: f64 = 4.0;
-/// At most so many instants enter the sums.
+/// At most so many instants enter the sums, and none closer than a tenth of the window that all of them pass, s, unless a
+/// block would have too few.
 const INSTANTS: usize = 40_000;
+const APART: f64 = 0.03;
+const ENOUGH: usize = 40;
 /// Correlation from which a relation says something about gain and sign; share of explained variance from which it says
 /// something about a delay.
 const CLEAR: f64 = 0.7;
@@ -317,7 +320,8 @@ pub fn answer(signals: &Signals, relation: &Relation) -> Option<Answer> {
     for (term, values) in terms.iter().zip(&values) {
         surrounded(values, if term.side == Side::Late { reach } else { 0 }, &mut there);
     }
-    let every = count.div_ceil(INSTANTS).max(1);
+    let apart = ((APART / step).round() as usize).min(block / ENOUGH);
+    let every = count.div_ceil(INSTANTS).max(apart).max(1);
     let lags = 2 * reach + 1;
     let mut sums: Vec<Vec<Gram>> = Vec::with_capacity(length);
     let mut z = vec![0.0; n];

@@ -1,7 +1,7 @@
 //! Covariance of robust regressions, conditioning and the bias of noisy regressors.
 
 use super::robust::Minimiser;
-use super::{HUBER_DELTA, Loss, Options, Regression, Solution, dot};
+use super::{HUBER_DELTA, Loss, Options, Regression, Solution, add_outer, add_scaled, dot};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
@@ -27,27 +27,29 @@ pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options,
     let rows: usize = regression.groups.iter().map(super::Rows::len).sum();
     let kernel = 1.06 * (rows.max(1) as f64).powf(-0.2);
     let mut residuals = Vec::new();
+    let mut row = vec![0.0; n];
     let mut coloured: Vec<(String, DVector<f64>)> = Vec::new();
     for (group, &scale) in regression.groups.iter().zip(scales) {
         let of_group = group.residuals(&minimiser.theta);
         let mut quadratic = 0.0;
         for (i, residual) in of_group.iter().enumerate() {
-            let row = DVector::from_iterator(n, group.row(i).iter().map(|value| value / scale));
+            row.iter_mut().zip(group.row(i)).for_each(|(cell, value)| *cell = value / scale);
             let r = residual / scale;
             let (weight, psi) = match options.loss {
                 Loss::Ls => (1.0, r),
                 Loss::L1 => (f64::from(u8::from(r.abs() <= kernel)) / kernel, r.signum()),
                 Loss::Huber => (f64::from(u8::from(r.abs() <= HUBER_DELTA)), r.clamp(-HUBER_DELTA, HUBER_DELTA)),
             };
-            gram.ger(1.0, &row, &row, 1.0);
-            information.ger(weight, &row, &row, 1.0);
-            scores.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)).axpy(psi, &row, 1.0);
+            add_outer(&mut gram, 1.0, &row, &row);
+            if weight > 0.0 {
+                add_outer(&mut information, weight, &row, &row);
+            }
+            add_scaled(scores.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)), psi, &row);
             if options.loss == Loss::L1 {
-                squares.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)).axpy(r, &row, 1.0);
+                add_scaled(squares.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)), r, &row);
             }
             if let Some(neglected) = group.neglected.get(i) {
-                let into = if group.guessed { &mut guess } else { &mut pull };
-                into.axpy(weight * neglected / scale, &row, 1.0);
+                add_scaled(if group.guessed { &mut guess } else { &mut pull }, weight * neglected / scale, &row);
             }
             quadratic += weight;
         }
@@ -237,8 +239,7 @@ pub fn is_singular(regression: &Regression) -> bool {
         let size = group.a.iter().map(|value| value * value).sum::<f64>();
         let mut of_group = DMatrix::<f64>::zeros(n, n);
         for i in 0..group.len() {
-            let row = nalgebra::DVectorView::from_slice(group.row(i), n);
-            of_group.ger(1.0, &row, &row, 1.0);
+            add_outer(&mut of_group, 1.0, group.row(i), group.row(i));
         }
         if size > 0.0 {
             gram += of_group / size;

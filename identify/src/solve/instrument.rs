@@ -8,7 +8,7 @@
 use super::compress::Compressor;
 use super::conic::Feasible;
 use super::covariance::{self, LongRun};
-use super::{Regression, Rows, Solution, SolveError, dot, polish};
+use super::{Regression, Rows, Solution, SolveError, add_outer, add_scaled, dot, polish};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
@@ -25,10 +25,10 @@ pub fn solve(regression: &Regression) -> Result<Solution, SolveError> {
     let mut s = DMatrix::<f64>::zeros(n, n);
     for group in &groups {
         for i in 0..group.len() {
-            let (row, z) = (DVector::from_column_slice(group.row(i)), instruments(group, i));
-            g.ger(1.0, &z, &row, 1.0);
-            b.axpy(group.y[i], &z, 1.0);
-            s.ger(1.0, &z, &z, 1.0);
+            let z = instruments(group, i);
+            add_outer(&mut g, 1.0, z, group.row(i));
+            add_scaled(&mut b, group.y[i], z);
+            add_outer(&mut s, 1.0, z, z);
         }
     }
     // Unknowns scaled so that each column of Z'A has unit size.
@@ -84,16 +84,14 @@ pub fn solve(regression: &Regression) -> Result<Solution, SolveError> {
         }
     }
     let covariance = covariance::inverse(&information);
+    let residuals: Vec<Vec<f64>> = regression.groups.iter().map(|group| group.residuals(&theta)).collect();
+    let deviation = |(group, residuals): (&Rows, &Vec<f64>)| super::robust::deviation(residuals, &group.y);
     Ok(Solution {
         name: regression.name.clone(),
         inverse_information: covariance.clone(),
         condition_number: covariance::condition_number(&whitened),
-        residuals: regression.groups.iter().map(|group| group.residuals(&theta)).collect(),
-        scales: regression
-            .groups
-            .iter()
-            .map(|group| super::robust::deviation(&group.residuals(&theta), &group.y))
-            .collect(),
+        scales: regression.groups.iter().zip(&residuals).map(deviation).collect(),
+        residuals,
         bias: vec![0.0; n],
         coloured: Vec::new(),
         sandwich: covariance.clone(),
@@ -108,8 +106,8 @@ pub fn solve(regression: &Regression) -> Result<Solution, SolveError> {
     })
 }
 
-fn instruments(group: &Rows, index: usize) -> DVector<f64> {
-    DVector::from_column_slice(&group.instruments[index * group.columns..(index + 1) * group.columns])
+fn instruments(group: &Rows, index: usize) -> &[f64] {
+    &group.instruments[index * group.columns..(index + 1) * group.columns]
 }
 
 /// Covariance of the sum of the moments, those of a cluster summed before squaring; `correlated` allows for
@@ -118,12 +116,21 @@ fn moment_covariance(groups: &[&Rows], theta: &[f64], correlated: bool) -> LongR
     let n = theta.len();
     let mut sums: BTreeMap<u32, DVector<f64>> = BTreeMap::new();
     let mut squares = DMatrix::zeros(n, n);
+    let mut sum = vec![0.0; n];
     for group in groups {
-        for i in 0..group.len() {
-            let residual = group.y[i] - dot(group.row(i), theta);
-            let z = instruments(group, i);
-            squares.ger(residual * residual, &z, &z, 1.0);
-            sums.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)).axpy(residual, &z, 1.0);
+        let mut row = 0;
+        for cluster in group.cluster.chunk_by(|one, next| one == next) {
+            sum.fill(0.0);
+            for i in row..row + cluster.len() {
+                let residual = group.y[i] - dot(group.row(i), theta);
+                let z = instruments(group, i);
+                if correlated {
+                    add_outer(&mut squares, residual * residual, z, z);
+                }
+                sum.iter_mut().zip(z).for_each(|(sum, z)| *sum += residual * z);
+            }
+            add_scaled(sums.entry(cluster[0]).or_insert_with(|| DVector::zeros(n)), 1.0, &sum);
+            row += cluster.len();
         }
     }
     if correlated {

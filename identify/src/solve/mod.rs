@@ -32,7 +32,7 @@ pub mod robust;
 
 pub use refine::{Smooth, SmoothGroup, Trust, TrustNorm, refine};
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 /// A linear regression `y = A theta + noise` under physical constraints.
 #[derive(Clone, Debug, Default)]
@@ -409,4 +409,20 @@ fn solve_within(regression: &Regression, options: &Options) -> Result<Solution, 
 
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Adds `weight a b'` to a matrix, without the vectors that nalgebra's `ger` would need for each row of a regression.
+fn add_outer(matrix: &mut DMatrix<f64>, weight: f64, a: &[f64], b: &[f64]) {
+    for (column, b) in matrix.as_mut_slice().chunks_exact_mut(a.len()).zip(b) {
+        let factor = weight * b;
+        // Unknowns of one log have zeros in the rows of all others.
+        if factor != 0.0 {
+            column.iter_mut().zip(a).for_each(|(cell, a)| *cell += factor * a);
+        }
+    }
+}
+
+/// Adds `weight a` to a vector.
+fn add_scaled(vector: &mut DVector<f64>, weight: f64, a: &[f64]) {
+    vector.as_mut_slice().iter_mut().zip(a).for_each(|(cell, a)| *cell += weight * a);
 }
