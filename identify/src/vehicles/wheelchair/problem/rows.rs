@@ -87,7 +87,7 @@ impl Windows {
         let mut row = [0.0; UNKNOWNS];
         row[M] = int(0, &|i| s.ahead[i]) + dy * int(2, &|i| s.heading[i]) + dx * r_squared;
         row[D] = -int(1, &|i| s.travel[i]);
-        row[FC] = int(0, &|i| (s.speed[i] / chair.rolling.smoothing_speed).tanh());
+        row[FC] = int(0, &|i| s.sense[0][i]);
         row[ML] = -r_squared;
         row[C1] = int(0, &|_| 1.0);
         (row, int(0, &|i| s.force[i]) - chair.rotating_mass * int(2, &|i| s.travel[i]))
@@ -101,7 +101,7 @@ impl Windows {
         let mut row = [0.0; UNKNOWNS];
         row[IP] = turning;
         row[B] = -int(1, &|i| s.heading[i]);
-        row[TAUC] = int(0, &|i| (s.yaw_rate[i] / chair.rolling.smoothing_yaw_rate).tanh());
+        row[TAUC] = int(0, &|i| s.sense[1][i]);
         row[ML] = int(0, &|i| s.left[i]) - dx * turning + dy * int(0, &|i| s.yaw_rate[i] * s.yaw_rate[i]);
         row[C2] = int(0, &|_| 1.0);
         (row, self.psi.held_integral(start, |i| s.moment[i]) - chair.rotating_inertia * turning)

@@ -26,6 +26,8 @@ pub struct Signals {
     pub speed: Vec<f64>,
     /// Smoothed yaw rate, rad/s.
     pub yaw_rate: Vec<f64>,
+    /// Smooth signs of speed and yaw rate.
+    pub sense: [Vec<f64>; 2],
     /// Specific force ahead, m/s2, without outliers.
     pub ahead: Vec<f64>,
     /// Specific force to the left, m/s2, without outliers.
@@ -74,11 +76,17 @@ pub fn signals(log: &Log, chair: &Chair) -> Result<Signals, FitError> {
     }
     let (mut ahead, mut sideways) = (channel("accel_x"), channel("accel_y"));
     let replaced = hampel(&mut ahead, period) + hampel(&mut sideways, period);
+    let (speed, yaw_rate) = (slope_of_mean(&travel, period), slope_of_mean(&heading, period));
+    let sense = |values: &[f64], width: f64| values.iter().map(|value| (value / width).tanh()).collect();
     Ok(Signals {
         period,
         start: log.time.first().copied().unwrap_or(0.0),
-        speed: slope_of_mean(&travel, period),
-        yaw_rate: slope_of_mean(&heading, period),
+        sense: [
+            sense(&speed, chair.rolling.smoothing_speed),
+            sense(&yaw_rate, chair.rolling.smoothing_yaw_rate),
+        ],
+        speed,
+        yaw_rate,
         travel,
         heading,
         outliers: replaced as f64 / (2 * log.len()).max(1) as f64,
@@ -99,14 +107,38 @@ fn samples(seconds: f64, period: f64) -> usize {
 pub fn hampel(x: &mut [f64], period: f64) -> usize {
     let reach = samples(HAMPEL_REACH, period);
     let raw = x.to_vec();
-    let mut around = Vec::with_capacity(2 * reach + 1);
+    // The samples around the current one in order: its median is in the middle.
+    let mut around: Vec<f64> = Vec::with_capacity(2 * reach + 2);
+    let place = |around: &[f64], value: f64| around.partition_point(|other| *other < value);
+    let enter = |around: &mut Vec<f64>, value: f64| {
+        if value.is_finite() {
+            around.insert(place(around, value), value);
+        }
+    };
+    raw.iter().take(reach).for_each(|value| enter(&mut around, *value));
+    let mut deviations = Vec::with_capacity(2 * reach + 2);
     let mut replaced = 0;
     for (i, value) in x.iter_mut().enumerate() {
-        let (from, to) = (i.saturating_sub(reach), (i + reach + 1).min(raw.len()));
-        let Some(centre) = median(&mut around, raw[from..to].iter().copied()) else { continue };
-        let spread = median(&mut around, raw[from..to].iter().map(|v| (v - centre).abs())).unwrap_or(0.0);
+        if let Some(ahead) = raw.get(i + reach) {
+            enter(&mut around, *ahead);
+        }
+        if let Some(behind) = (i > reach).then(|| raw[i - reach - 1]).filter(|value| value.is_finite()) {
+            around.remove(place(&around, behind));
+        }
+        let n = around.len();
+        if n == 0 {
+            continue;
+        }
+        let centre = if n % 2 == 1 { around[n / 2] } else { 0.5 * (around[n / 2 - 1] + around[n / 2]) };
+        let away = (*value - centre).abs();
+        // An outlier has at least half of the others this near to the median; few samples get beyond this count.
+        let near = away / (HAMPEL_THRESHOLD * 1.4826);
+        if around.iter().filter(|other| (**other - centre).abs() < near).count() < n / 2 {
+            continue;
+        }
+        let spread = median(&mut deviations, around.iter().map(|v| (v - centre).abs())).unwrap_or(0.0);
         // A signal that hardly ever moves has no spread to judge by.
-        if spread > 0.0 && (*value - centre).abs() > HAMPEL_THRESHOLD * 1.4826 * spread {
+        if spread > 0.0 && away > HAMPEL_THRESHOLD * 1.4826 * spread {
             *value = centre;
             replaced += 1;
         }
