@@ -10,6 +10,7 @@
 //! | `human.*_roll` | `roll` | weak-form roll rows; wheels do not feel roll |
 //! | `rolling.coefficient`, `robot.drive_efficiency` | the person's weight as `human.nominal_mass` | weak-form force balance |
 //! | `robot.mass` or `human.nominal_mass`, with `rolling.coefficient` (`--only`) | the other mass, `robot.drive_efficiency` | the same rows with the mass unknown |
+//! | `aero.drag_area` (`--only`, with `robot.mass` and `rolling.coefficient`) | fast and slow driving | the same rows with the drag unknown |
 //!
 //! A mass fitted alone (`--only robot.mass`) takes the rolling coefficient as known; its interval considers
 //! that the coefficient may be 20 % off (one standard deviation).
@@ -53,6 +54,7 @@ const ROLLING: &str = "rolling.coefficient";
 const EFFICIENCY: &str = "robot.drive_efficiency";
 const ROBOT_MASS: &str = "robot.mass";
 const HUMAN_MASS: &str = "human.nominal_mass";
+const DRAG: &str = "aero.drag_area";
 
 /// Standard deviation of an accelerometer's constant bias, m/s2: what calibrated sensors keep.
 const ACCELEROMETER_BIAS: f64 = 0.01;
@@ -75,7 +77,7 @@ const COARSE_OVERLAP: usize = 3;
 fn targets(_: &[Log]) -> Vec<Target> {
     let declared = Parameters::declare();
     let usual = PITCH.iter().chain(&ROLL).chain(&[ROLLING, EFFICIENCY]).map(|name| (*name, true));
-    let others = [ROBOT_MASS, HUMAN_MASS, REST_STD].map(|name| (name, false));
+    let others = [ROBOT_MASS, HUMAN_MASS, REST_STD, DRAG].map(|name| (name, false));
     usual.chain(others).map(|(name, usual)| Target::declared(&declared, name, usual)).collect()
 }
 
@@ -136,7 +138,7 @@ pub(super) fn side(known: &Known) -> Passive {
 fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     let mut logs = windowed(task)?;
     let body = signals::body(task.known);
-    if task.wants(ROBOT_MASS) || task.wants(HUMAN_MASS) {
+    if task.wants(ROBOT_MASS) || task.wants(HUMAN_MASS) || task.wants(DRAG) {
         check_mass_request(task)?;
     }
     let seated = body.j > 0.0;
@@ -183,6 +185,9 @@ fn check_mass_request(task: &Task) -> Result<(), FitError> {
     let refuse = |why: &str| Err(FitError::Request(format!("--only: {why}")));
     if task.wants(ROBOT_MASS) && task.wants(HUMAN_MASS) {
         return refuse("robot.mass and human.nominal_mass cannot both be fitted: only their sum accelerates");
+    }
+    if task.wants(DRAG) && !(task.wants(ROBOT_MASS) && task.wants(ROLLING)) {
+        return refuse("aero.drag_area is fitted together with robot.mass and rolling.coefficient");
     }
     if task.wants(EFFICIENCY) {
         return refuse("robot.drive_efficiency cannot be fitted together with a mass: it scales with it");
@@ -378,17 +383,22 @@ fn mass(
     progress: &Progress,
     session: &mut Session,
 ) -> Result<(), FitError> {
-    let (name, unknowns, other) = if task.wants(ROBOT_MASS) {
+    let (name, unknowns, other) = if task.wants(DRAG) {
+        (ROBOT_MASS, Drive::RollingRobotDrag, body.human_mass)
+    } else if task.wants(ROBOT_MASS) {
         (ROBOT_MASS, Drive::RollingRobot, body.human_mass)
     } else {
         (HUMAN_MASS, Drive::RollingLoad, body.robot_mass)
     };
     let accelerometer = use_accelerometer(task, logs);
-    let mut all = Rows::new("force balance", "N.s", 2);
+    let mut all = Rows::new("force balance", "N.s", unknowns.unknowns());
     over(logs, progress).for_each(|windows| rows::drive(&mut all, &windows, body, unknowns, accelerometer));
     noise::drive(&mut all, logs, body, unknowns, accelerometer);
-    let sought = vec![Unknown::within("f M", 0.0, f64::INFINITY), Unknown::within("m", 0.0, 1e5)];
-    let parameters = [name, ROLLING];
+    let mut sought = vec![Unknown::within("f M", 0.0, f64::INFINITY), Unknown::within("m", 0.0, 1e5)];
+    if unknowns == Drive::RollingRobotDrag {
+        sought.push(Unknown::within("CdA", 0.0, 100.0));
+    }
+    let parameters = [name, ROLLING, DRAG];
     if !task.wants(ROLLING) {
         return mass_alone(name, other, &all, task.known.get(ROLLING), session);
     }
@@ -401,6 +411,9 @@ fn mass(
         false => FLOOR_SLOPE,
     };
     session.estimate_judged(ROLLING, fit, level_floor(systematic_std), |x| x[0] / (x[1] + other));
+    if unknowns == Drive::RollingRobotDrag {
+        session.estimate(DRAG, fit, |x| x[2]);
+    }
     if accelerometer {
         session.note(format!(
             "the specific force accel_x was used, so slopes cancel; a constant bias of the accelerometer is part of \

@@ -78,14 +78,21 @@ pub(super) fn drive(rows: &mut Rows, logs: &[Windowed], body: &Body, unknowns: D
                     )
                 }
             }
-            Drive::RollingLoad | Drive::RollingRobot => {
+            Drive::RollingLoad | Drive::RollingRobot | Drive::RollingRobotDrag => {
                 let known = if unknowns == Drive::RollingLoad { body.robot_mass } else { body.human_mass };
                 let balance = sum(scaled(&rate, -body.rotating_mass), scaled(&of_mass(known), -1.0));
-                (
-                    vec![rolling, of_mass(1.0), balance],
-                    vec![zero.clone(), zero.clone(), scaled(psi, body.efficiency)],
-                    vec![zero.clone(), psi.clone(), scaled(psi, -known)],
-                )
+                let mut on_speed = vec![rolling, of_mass(1.0), balance];
+                let mut on_force = vec![zero.clone(), zero.clone(), scaled(psi, body.efficiency)];
+                let mut on_accel = vec![zero.clone(), psi.clone(), scaled(psi, -known)];
+                if unknowns == Drive::RollingRobotDrag {
+                    // d(v |v|) = 2 |v| dv
+                    let moving = signals.speed.iter().filter(|v| v.is_finite());
+                    let size = (moving.map(|v| v * v).sum::<f64>() / count as f64).sqrt();
+                    on_speed.insert(2, scaled(psi, body.air_density * size));
+                    on_force.insert(2, zero.clone());
+                    on_accel.insert(2, zero.clone());
+                }
+                (on_speed, on_force, on_accel)
             }
         };
         let mut parts = vec![("speed", on_speed, noise(&signals.speed)), ("torque", on_force, noise(&signals.force))];

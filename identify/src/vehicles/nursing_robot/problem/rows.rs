@@ -38,8 +38,10 @@ pub struct Body {
     pub efficiency: f64,
     /// Speed over which rolling resistance changes sign, m/s.
     pub smoothing_speed: f64,
-    /// `rho CdA / 2`, kg/m.
-    pub drag: f64,
+    /// Density of the air, kg/m3.
+    pub air_density: f64,
+    /// `CdA`, m2.
+    pub drag_area: f64,
 }
 
 impl Body {
@@ -226,14 +228,14 @@ pub struct Longitudinal {
     pub sway: f64,
     /// `g int psi tanh(v / v_s)`, m/s.
     pub rolling: f64,
-    /// `rho CdA / 2 int psi v |v|`, N.s.
+    /// `rho / 2 int psi v |v|`, N.s/m2: times the drag area it is the drag's impulse.
     pub drag: f64,
     /// `int psi`, s.
     pub one: f64,
 }
 
-/// The integrals of the window that starts at a sample.
-pub fn longitudinal(windows: &Windows, body: &Body, accelerometer: bool, at: usize) -> Longitudinal {
+/// The integrals of the window that starts at a sample; that of the drag only where there is `drag`, else 0.
+pub fn longitudinal(windows: &Windows, body: &Body, accelerometer: bool, drag: bool, at: usize) -> Longitudinal {
     let s = windows.signals;
     let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
     let speed_rate = -int(1, &|i| s.speed[i]);
@@ -249,7 +251,7 @@ pub fn longitudinal(windows: &Windows, body: &Body, accelerometer: bool, at: usi
         inertial: if accelerometer { int(0, &|i| s.accel[i]) } else { speed_rate },
         sway,
         rolling: GRAVITY * int(0, &|i| (s.speed[i] / body.smoothing_speed).tanh()),
-        drag: if body.drag == 0.0 { 0.0 } else { body.drag * int(0, &|i| s.speed[i] * s.speed[i].abs()) },
+        drag: if drag { 0.5 * body.air_density * int(0, &|i| s.speed[i] * s.speed[i].abs()) } else { 0.0 },
         one: int(0, &|_| 1.0),
     }
 }
@@ -265,20 +267,28 @@ pub enum Drive {
     RollingLoad,
     /// `[f M, m]`.
     RollingRobot,
+    /// `[f M, m, CdA]`.
+    RollingRobotDrag,
 }
 
 impl Drive {
     /// Number of unknowns.
     pub fn unknowns(self) -> usize {
-        if self == Self::Rolling { 1 } else { 2 }
+        match self {
+            Self::Rolling => 1,
+            Self::RollingRobotDrag => 3,
+            _ => 2,
+        }
     }
 }
 
 /// Longitudinal rows, N.s.
 pub fn drive(rows: &mut Rows, windows: &Windows, body: &Body, unknowns: Drive, accelerometer: bool) {
+    let drag = unknowns == Drive::RollingRobotDrag || body.drag_area != 0.0;
     fill(rows, windows, body.b, |at| {
-        let l = longitudinal(windows, body, accelerometer, at);
-        let resist = l.drag + body.rotating_mass * l.speed_rate;
+        let l = longitudinal(windows, body, accelerometer, drag, at);
+        let spinning = body.rotating_mass * l.speed_rate;
+        let resist = body.drag_area * l.drag + spinning;
         let sway = body.human_mass * l.sway;
         let carried = body.total_mass() * l.inertial + sway + resist;
         match unknowns {
@@ -291,6 +301,10 @@ pub fn drive(rows: &mut Rows, windows: &Windows, body: &Body, unknowns: Drive, a
             Drive::RollingRobot => {
                 (vec![l.rolling, l.inertial], body.efficiency * l.force - body.human_mass * l.inertial - sway - resist)
             }
+            Drive::RollingRobotDrag => (
+                vec![l.rolling, l.inertial, l.drag],
+                body.efficiency * l.force - body.human_mass * l.inertial - sway - spinning,
+            ),
         }
     });
 }

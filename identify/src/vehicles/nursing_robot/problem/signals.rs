@@ -20,7 +20,8 @@ pub fn body(known: &Known) -> Body {
         j: mu * human_mass * (h * h + rho * rho),
         efficiency: get("robot.drive_efficiency"),
         smoothing_speed: get("rolling.smoothing_speed"),
-        drag: 0.5 * get("aero.air_density") * get("aero.drag_area"),
+        air_density: get("aero.air_density"),
+        drag_area: get("aero.drag_area"),
     }
 }
 

@@ -46,11 +46,11 @@ fn force(source: &str, log: &Windowed, body: &Body, hip: &Passive, accelerometer
     let windows = log.sway(Progress::none());
     let mut trace = trace("drive force", "N", source);
     for start in windows.starts() {
-        let l = rows::longitudinal(&windows, body, accelerometer, start);
+        let l = rows::longitudinal(&windows, body, accelerometer, body.drag_area != 0.0, start);
         let balance = body.total_mass() * (l.inertial + hip.rolling * l.rolling)
             + body.human_mass * l.sway
             + body.rotating_mass * l.speed_rate
-            + l.drag;
+            + body.drag_area * l.drag;
         if (balance + l.force).is_finite() {
             trace.time.push(windows.middle(start));
             trace.measured.push(body.efficiency * l.force / l.one);
