@@ -48,6 +48,9 @@ pub struct FitReport {
     /// What was found in the logs before anything was fitted to them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub findings: Vec<Finding>,
+    /// How late channels are, where the fit of the machine finds that along with its parameters.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub delays: Vec<Delay>,
     /// Known values that the fit relied on (`--set`, `--params`), by their FMU names.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub settings: BTreeMap<String, f64>,
@@ -118,6 +121,23 @@ pub struct OfLog {
     #[serde(with = "maybe")]
     pub value: f64,
     /// Its standard error.
+    #[serde(with = "maybe")]
+    pub std_error: f64,
+}
+
+/// How much later a channel of a log is than others.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Delay {
+    /// The log.
+    pub log: String,
+    /// The channel.
+    pub channel: String,
+    /// What it is compared with, in words.
+    pub against: String,
+    /// The delay, s.
+    #[serde(with = "maybe")]
+    pub value: f64,
+    /// Its standard error, s.
     #[serde(with = "maybe")]
     pub std_error: f64,
 }

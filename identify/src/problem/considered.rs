@@ -190,7 +190,19 @@ pub fn causes(
     Ok(all)
 }
 
+/// Standard deviation of a channel's delay, s.
+pub fn delay_std(sensors: &[(String, f64)], exact: bool, channel: &str, unit: &str) -> f64 {
+    let told = |name: &str| sensors.iter().find(|(key, _)| *key == format!("{name}.delay_std")).map(|(_, std)| *std);
+    let usual = if exact { 0.0 } else { quality(channel, unit).map_or(0.0, |quality| quality.delay) };
+    told(channel).or_else(|| told(device(channel))).unwrap_or(usual)
+}
+
 impl Cause {
+    /// Whether it is the delay of a channel.
+    pub fn delays(&self, channel: &str) -> bool {
+        matches!(&self.change, Change::Delay(names, _) if names.iter().any(|name| name == channel))
+    }
+
     /// Logs and known values with this cause one step off; `None` where they are as before.
     pub fn apply(&self, logs: &[Log], known: &Known) -> (Option<Vec<Log>>, Option<Known>) {
         let changed = |of: &dyn Fn(&Channel) -> Option<Vec<f64>>| -> Vec<Log> {

@@ -2,9 +2,12 @@
 
 use super::{Judgement, Known, Target};
 use crate::assess::{Evidence, Verdict, verdict};
-use crate::result::{Contribution, CorrelationPair, Covariance, FitReport, Parameter, Verdict as Shade};
+use crate::result::{Contribution, Delay, CorrelationPair, Covariance, FitReport, Parameter, Verdict as Shade};
 use nalgebra::DMatrix;
 use std::collections::BTreeMap;
+
+/// Standard errors from which on a fitted delay is worth a note.
+const SHOWN: f64 = 3.0;
 
 /// One estimate with what is needed to judge it.
 #[derive(Clone, Debug)]
@@ -50,6 +53,8 @@ pub struct Findings {
     pub found: Vec<Found>,
     /// Their covariance by noise.
     pub covariance: DMatrix<f64>,
+    /// Delays that were fitted along.
+    pub delays: Vec<Delay>,
     /// What was not found, with the reasons.
     pub given_up: BTreeMap<String, String>,
     /// Warnings.
@@ -155,6 +160,8 @@ impl Findings {
         let mut report =
             FitReport { warnings: self.warnings.clone(), notes: self.notes.clone(), ..FitReport::default() };
         report.notes.extend(self.note_on_bias());
+        report.notes.extend(self.notes_on_delays());
+        report.delays = self.delays.clone();
         let errors = self.errors(effects);
         let mut mostly: BTreeMap<String, Vec<&str>> = BTreeMap::new();
         for (index, found) in self.found.iter().enumerate() {
@@ -280,6 +287,21 @@ impl Findings {
             })
         };
         self.found.iter().enumerate().filter(|(_, found)| open(found)).filter_map(of).collect()
+    }
+
+    /// Delays that the logs show.
+    fn notes_on_delays(&self) -> impl Iterator<Item = String> {
+        self.delays.iter().filter(|delay| delay.value.abs() > SHOWN * delay.std_error).map(|delay| {
+            let (ms, half) = (1e3 * delay.value, 1.96e3 * delay.std_error);
+            format!(
+                "{} of {} arrives {ms:.1} ms ({:.1} to {:.1}) later than its {}; the fit allows for it",
+                delay.channel,
+                delay.log,
+                ms - half,
+                ms + half,
+                delay.against
+            )
+        })
     }
 
     /// Which estimates are mostly biased, if the user may have that subtracted.

@@ -40,6 +40,8 @@ pub struct Fit<'a> {
     pub wanted: &'a [String],
     /// What is known of that beforehand.
     pub given: &'a [Given],
+    /// The channels of the logs.
+    pub inputs: &'a [Variable],
 }
 
 /// Reasons against estimates, by the parameter's name.
@@ -54,6 +56,8 @@ impl Fit<'_> {
             only: !self.request.only.is_empty(),
             refine: self.request.refine,
             exact: self.request.exact,
+            sensors: &self.request.sensors,
+            inputs: self.inputs,
             coarse,
             progress,
         }
@@ -149,7 +153,7 @@ pub fn fit(
     let mut targets = (problem.targets)(logs);
     let given = request.given(&mut targets)?;
     let wanted = request.wanted(&targets)?;
-    let fit = Fit { problem, request, targets: &targets, wanted: &wanted, given: &given };
+    let fit = Fit { problem, request, targets: &targets, wanted: &wanted, given: &given, inputs: &declared.inputs };
 
     progress.start_shares("fitting");
     let set = LogSet::new(&fit, logs, &known)?;
@@ -165,8 +169,10 @@ pub fn fit(
     }
 
     progress.describe("considering what the logs do not show");
-    let causes =
+    let mut causes =
         causes(&used, &declared.inputs, &declared.parameters, &known, request, &wanted).map_err(FitError::Request)?;
+    // The estimates have in them what a delay that was fitted along does not tell.
+    causes.retain(|cause| !findings.delays.iter().any(|delay| cause.delays(&delay.channel)));
     let effects = fit.effects(&used, set.first_known(), &causes, &findings);
     progress.reach(0.6);
     progress.check()?;

@@ -1,5 +1,6 @@
 //! Parameters that a fit takes as known: defaults, start values and settings by FMU name.
 
+use crate::result::Delay;
 use std::collections::{BTreeMap, BTreeSet};
 use wheelstate::variable::find;
 use wheelstate::{ParameterError, Variable, Variables};
@@ -10,13 +11,15 @@ pub struct Known {
     values: BTreeMap<String, f64>,
     set: BTreeSet<String>,
     declared: Vec<Variable>,
+    /// How late a channel of a log is, s, by the log's file and the channel.
+    delays: BTreeMap<(String, String), f64>,
 }
 
 impl Known {
     /// The defaults of the declarations.
     pub fn new(declared: Vec<Variable>) -> Self {
         let values = declared.iter().map(|variable| (variable.name.clone(), variable.start)).collect();
-        Self { values, set: BTreeSet::new(), declared }
+        Self { values, set: BTreeSet::new(), declared, delays: BTreeMap::new() }
     }
 
     /// Sets a declared parameter, checked against its declaration.
@@ -37,6 +40,28 @@ impl Known {
         let mut known = self.clone();
         values.for_each(|(name, value)| known.assume(name, value));
         known
+    }
+
+    /// The same with delays that were fitted.
+    pub fn with_delays(&self, delays: &[Delay]) -> Self {
+        let mut known = self.clone();
+        delays.iter().for_each(|delay| known.assume_delay(&delay.log, &delay.channel, delay.value));
+        known
+    }
+
+    /// Takes over how late a channel of a log is, s: an estimate, for the validation.
+    fn assume_delay(&mut self, log: &str, channel: &str, value: f64) {
+        self.delays.insert((log.to_owned(), channel.to_owned()), value);
+    }
+
+    /// How late a channel of a log is, s; of another log the mean of those that were fitted, 0 without any.
+    pub fn delay(&self, log: &str, channel: &str) -> f64 {
+        if let Some(delay) = self.delays.get(&(log.to_owned(), channel.to_owned())) {
+            return *delay;
+        }
+        let of = self.delays.iter().filter(|((_, other), _)| other == channel).map(|(_, delay)| *delay);
+        let (sum, count) = of.fold((0.0, 0.0), |(sum, count), delay| (sum + delay, count + 1.0));
+        if count > 0.0 { sum / count } else { 0.0 }
     }
 
     /// The value of a declared parameter.

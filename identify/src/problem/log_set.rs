@@ -164,7 +164,7 @@ impl<'a> LogSet<'a> {
     /// All signals of the fitted logs with the values found for all of them and for each.
     pub fn signals(&self, fit: &Fit, found: &Findings, parameters: &BTreeMap<String, Parameter>) -> Vec<Trace> {
         let of = |&index: &usize| {
-            let mut known = self.known[index].with(found.values());
+            let mut known = self.known[index].with(found.values()).with_delays(&found.delays);
             for (name, parameter) in parameters {
                 if let Some(own) = parameter.per_log.get(&self.logs[index].source) {
                     known.assume(name, own.value);

@@ -168,6 +168,10 @@ pub struct Task<'a> {
     pub refine: bool,
     /// Whether sensors and known values are exact but for noise.
     pub exact: bool,
+    /// Standard deviations that the user gave for sensors, `CHANNEL.delay_std` among them.
+    pub sensors: &'a [(String, f64)],
+    /// The channels of the machine's logs.
+    pub inputs: &'a [Variable],
     /// Only what considered causes change is looked for: fewer windows that overlap will do.
     pub coarse: bool,
     /// Where to report progress: by [`Progress::reach`] and [`Progress::part`], in shares of this task.
@@ -175,6 +179,12 @@ pub struct Task<'a> {
 }
 
 impl Task<'_> {
+    /// Standard deviation of the delay of a channel, s: what the user said, or that of a good sensor; 0 if it is exact.
+    pub fn delay_std(&self, channel: &str) -> f64 {
+        let unit = self.inputs.iter().find(|input| input.name == channel).map_or("", |input| input.unit);
+        considered::delay_std(self.sensors, self.exact, channel, unit)
+    }
+
     /// Whether this parameter is wanted.
     pub fn wants(&self, name: &str) -> bool {
         self.wanted.iter().any(|wanted| wanted == name)

@@ -5,6 +5,7 @@ use super::imposed::{Given, Imposition, Knowledge, impose};
 use super::{FitError, FitRequest, Target};
 use crate::assess::{Limits, student};
 use crate::progress::Progress;
+use crate::result::Delay;
 use crate::solve::{self, Accuracy, Loss, Options, Regression, Smooth, Solution, SolveError};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
@@ -44,6 +45,7 @@ pub struct Session<'a> {
     solutions: Vec<Solution>,
     impositions: Vec<Imposition>,
     estimates: Vec<Estimate>,
+    delays: Vec<Delay>,
     given_up: BTreeMap<String, String>,
     warnings: Vec<String>,
     notes: Vec<String>,
@@ -59,6 +61,7 @@ impl<'a> Session<'a> {
             solutions: Vec::new(),
             impositions: Vec::new(),
             estimates: Vec::new(),
+            delays: Vec::new(),
             given_up: BTreeMap::new(),
             warnings: Vec::new(),
             notes: Vec::new(),
@@ -158,6 +161,33 @@ impl<'a> Session<'a> {
 
     /// As [`estimate`](Self::estimate) with its own limits.
     pub fn estimate_judged(&mut self, name: &str, fit: Fitted, judgement: Judgement, of: impl Fn(&[f64]) -> f64) {
+        let (value, gradient) = self.linearised(fit, of);
+        let estimate = Estimate { name: name.to_owned(), fit: fit.0, value, gradient, judgement };
+        self.estimates.retain(|other| other.name != name);
+        self.given_up.remove(name);
+        if self.targets.iter().any(|target| target.name == name) {
+            self.estimates.push(estimate);
+        }
+    }
+
+    /// Records how much later a channel of a log is than others, s, as a smooth function of a solution's unknowns. Its
+    /// uncertainty is in those of the solution's estimates, so that it is not considered again.
+    pub fn delay(&mut self, log: &str, channel: &str, against: &str, fit: Fitted, of: impl Fn(&[f64]) -> f64) {
+        let (value, gradient) = self.linearised(fit, of);
+        let gradient = DVector::from_vec(gradient);
+        let solution = &self.solutions[fit.0];
+        let variance = gradient.dot(&(&solution.covariance * &gradient)).max(0.0);
+        self.delays.push(Delay {
+            log: log.to_owned(),
+            channel: channel.to_owned(),
+            against: against.to_owned(),
+            value,
+            std_error: variance.sqrt() * student(solution.degrees_of_freedom),
+        });
+    }
+
+    /// Value and gradient of a smooth function of a solution's unknowns.
+    fn linearised(&self, fit: Fitted, of: impl Fn(&[f64]) -> f64) -> (f64, Vec<f64>) {
         let solution = &self.solutions[fit.0];
         let value = of(&solution.theta);
         // Central differences: the step is small against both the value and its uncertainty.
@@ -170,12 +200,7 @@ impl<'a> Session<'a> {
             moved[index] -= 2.0 * step;
             (ahead - of(&moved)) / (2.0 * step)
         });
-        let estimate = Estimate { name: name.to_owned(), fit: fit.0, value, gradient: gradient.collect(), judgement };
-        self.estimates.retain(|other| other.name != name);
-        self.given_up.remove(name);
-        if self.targets.iter().any(|target| target.name == name) {
-            self.estimates.push(estimate);
-        }
+        (value, gradient.collect())
     }
 
     /// Reports a parameter as not identifiable, with the reason, unless it has been estimated.
@@ -343,6 +368,7 @@ impl<'a> Session<'a> {
         Findings {
             found: kept.iter().map(|(estimate, target)| self.found(estimate, target.range)).collect(),
             covariance,
+            delays: self.delays.clone(),
             given_up: self.given_up.clone(),
             warnings: self.warnings.clone(),
             notes: self.notes.clone(),

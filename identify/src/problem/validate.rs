@@ -46,7 +46,7 @@ impl Judge<'_> {
     ) -> Result<(), FitError> {
         let held_out = &self.fit.request.held_out;
         if !held_out.is_empty() {
-            let known = set.first_known().with(self.findings.values());
+            let known = set.first_known().with(self.findings.values()).with_delays(&self.findings.delays);
             self.predict(held_out, used, &known);
             self.validation.held_out = 1.0;
             return Ok(());
@@ -62,7 +62,7 @@ impl Judge<'_> {
             if size == used.len() {
                 self.compare_parts(&early);
             }
-            self.predict(held_out, training, &known.with(early.values()));
+            self.predict(held_out, training, &known.with(early.values()).with_delays(&early.delays));
         }
         self.validation.held_out = 1.0 - TRAINING_SHARE;
         Ok(())

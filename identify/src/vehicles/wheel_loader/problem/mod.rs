@@ -14,6 +14,11 @@
 //! instrumental variables: the slip that the torque would cause stands in for the measured one.
 //! An error of a radius adds a constant to the slip; it is estimated along, `eta_i = K d ln r_i`, with
 //! what stage 0 knows as its prior, so that the height's interval contains the radii's.
+//!
+//! A speed that is late by `tau` adds `-tau v'` to the slip, which is `v a/(g K)`: ten milliseconds are as much as the
+//! whole slip at 2 m/s. Each log's `tau` against its wheel speeds is estimated along, too, `K tau`, with the delay that a
+//! good sensor may have as its prior (`--sensor speed.delay_std`); a delay that the log shows to be larger
+//! widens its own prior. The samples are shifted by what was found before the next linearisation.
 
 mod sample;
 
@@ -22,10 +27,10 @@ use crate::log::Log;
 use crate::problem::{FitError, Fitted, Judgement, Known, Prediction, Problem, Session, Target, Task};
 use crate::result::Trace;
 use crate::solve::{Affine, Constraint, Regression, Rows, Unknown};
-use sample::{Machine, Run};
+use sample::{Balance, Machine, Run};
 use wheelstate::Variables;
 use wheelstate::estimator::wheel_loader::Parameters;
-use wheelstate::model::wheel_loader::{GRAVITY, Loader};
+use wheelstate::model::wheel_loader::Loader;
 
 /// The problem.
 pub const PROBLEM: Problem = Problem { targets, estimate, validate };
@@ -52,8 +57,12 @@ const CLUSTER_WINDOWS: u32 = 4;
 /// Slowest speed, m/s, and largest slip of the samples of stage 2.
 const SLOWEST: f64 = 0.8;
 const LARGEST_SLIP: f64 = 0.15;
-/// Linearisations of the radii's columns in stage 2.
+/// Linearisations of the columns of radii and delays in stage 2.
 const PASSES: usize = 3;
+/// Samples of which one enters stage 2 where only differences between fits are looked for.
+const COARSE: usize = 3;
+/// Number of unknowns of stage 2 before the logs' delays.
+const SHARED: usize = 5;
 /// Relative standard deviation of a radius that is not to move.
 const FIXED: f64 = 1e-7;
 /// Given radii are kept if the log moves none of them by more than so many standard errors.
@@ -80,7 +89,8 @@ fn targets(_: &[Log]) -> Vec<Target> {
 }
 
 fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
-    let mut machine = Machine::new(task.known);
+    let mut machine = Machine::new(task.known, task.logs.len());
+    machine.late_std = task.delay_std("speed");
     let logs = task.logs.iter().map(|log| Run::new(log, &machine)).collect::<Result<Vec<_>, _>>()?;
     let mut radius_std = [FIXED; 2];
     for axle in 0..2 {
@@ -105,16 +115,24 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
         return Ok(());
     }
     let names: Vec<&str> = [STIFFNESS, RATIO, HEIGHT].into_iter().chain(WIDTHS.iter().map(|(_, w)| *w)).collect();
-    let given = Machine::new(task.known);
-    let Some(fit) = slip_fit(&logs, &mut machine, radius_std, None, &names, session)? else { return Ok(()) };
+    let given = Machine::new(task.known, task.logs.len());
+    let stride = if task.coarse { COARSE } else { 1 };
+    let stage = Slip { logs: &logs, names: &names, stride };
+    let Some(fit) = stage.fit(&mut machine, radius_std, None, session)? else { return Ok(()) };
     record(fit, [0.0; 3], session);
     let (mut fit, mut height_known) = (fit, true);
     if !relatively_known(HEIGHT, session) {
         height_known = false;
-        let Some(again) = without_height(task, &logs, machine, &given, radius_std, &names, session)? else {
+        let Some(again) = without_height(task, &stage, &mut machine, &given, radius_std, session)? else {
             return Ok(());
         };
         fit = again;
+    }
+    if machine.late_std > 0.0 {
+        for (index, log) in task.logs.iter().enumerate() {
+            let late = machine.late[index];
+            session.delay(&log.source, "speed", "wheel speeds", fit, move |x| late + x[SHARED + index] / x[0]);
+        }
     }
     let mut kept = height_known;
     for axle in 0..2 {
@@ -133,7 +151,7 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
         }
     }
     if kept {
-        keep_given_radii(&logs, machine, given.radius, &names, session)?;
+        keep_given_radii(&stage, machine, given.radius, session)?;
     }
     for (name, width) in WIDTHS {
         let (Some(value), Some(std)) = (session.value(name), session.std_error(name)) else { continue };
@@ -150,23 +168,33 @@ fn relatively_known(name: &str, session: &Session) -> bool {
     session.value(name).zip(session.std_error(name)).is_some_and(|(value, std)| std <= UNOBSERVABLE * value.abs())
 }
 
-/// Solves stage 2 and leaves its answer in the machine for the next linearisation.
-fn slip_fit(
-    logs: &[Run],
-    machine: &mut Machine,
-    radius_std: [f64; 2],
-    height: Option<(f64, f64)>,
-    names: &[&str],
-    session: &mut Session,
-) -> Result<Option<Fitted>, FitError> {
-    let mut fit = None;
-    for _ in 0..PASSES {
-        fit = session.solve(&slip_balance(logs, machine, radius_std, height, true), names)?;
-        let Some(found) = fit else { break };
-        let theta = &session.solution(found).theta;
-        machine.unknowns = [theta[0], theta[1] / theta[0], theta[2] / theta[0]];
+/// Stage 2 over some logs.
+struct Slip<'a> {
+    logs: &'a [Run],
+    names: &'a [&'a str],
+    stride: usize,
+}
+
+impl Slip<'_> {
+    /// Solves stage 2 and leaves its answer in the machine for the next linearisation.
+    fn fit(
+        &self,
+        machine: &mut Machine,
+        radius_std: [f64; 2],
+        height: Option<(f64, f64)>,
+        session: &mut Session,
+    ) -> Result<Option<Fitted>, FitError> {
+        let mut fit = None;
+        for _ in 0..PASSES {
+            let before = machine.late.clone();
+            fit = session.solve(&slip_balance(self.logs, machine, radius_std, height, true, self.stride), self.names)?;
+            let Some(found) = fit else { break };
+            let theta = &session.solution(found).theta;
+            machine.unknowns = [theta[0], theta[1] / theta[0], theta[2] / theta[0]];
+            machine.late = before.iter().zip(&theta[SHARED..]).map(|(late, x)| late + x / theta[0]).collect();
+        }
+        Ok(fit)
     }
-    Ok(fit)
 }
 
 /// The radii's columns are strongly correlated with `K` by nature; the intervals say how much it matters.
@@ -192,22 +220,22 @@ fn record(fit: Fitted, extra_std: [f64; 3], session: &mut Session) {
 /// can be used. What the radii's uncertainty does to it is found by moving them.
 fn without_height(
     task: &Task,
-    logs: &[Run],
-    mut machine: Machine,
+    stage: &Slip,
+    machine: &mut Machine,
     given: &Machine,
     radius_std: [f64; 2],
-    names: &[&str],
     session: &mut Session,
 ) -> Result<Option<Fitted>, FitError> {
     machine.unknowns = given.unknowns;
     let prior = Some((given.unknowns[2], task.known.get("initial.cg_height_std")));
-    let start = machine;
-    let Some(fit) = slip_fit(logs, &mut machine, [FIXED; 2], prior, names, session)? else { return Ok(None) };
+    let start = machine.clone();
+    let Some(fit) = stage.fit(machine, [FIXED; 2], prior, session)? else { return Ok(None) };
     let mut variance = [0.0; 2];
-    for (axle, std) in radius_std.into_iter().enumerate() {
-        let mut moved = start;
+    // Where only differences between fits are looked for, nobody asks how certain they are.
+    for (axle, std) in radius_std.into_iter().enumerate().filter(|_| !task.coarse) {
+        let mut moved = start.clone();
         moved.radius[axle] *= 1.0 + std;
-        if slip_fit(logs, &mut moved, [FIXED; 2], prior, names, session)?.is_some() {
+        if stage.fit(&mut moved, [FIXED; 2], prior, session)?.is_some() {
             for (sum, (a, b)) in variance.iter_mut().zip(moved.unknowns.iter().zip(machine.unknowns)) {
                 *sum += (a - b).powi(2);
             }
@@ -222,16 +250,15 @@ fn without_height(
 /// The log does not contradict the given radii, which were measured better than half a minute of
 /// driving can: they stay, and so does the uncertainty that the log alone would leave.
 fn keep_given_radii(
-    logs: &[Run],
+    stage: &Slip,
     mut machine: Machine,
     given: [f64; 2],
-    names: &[&str],
     session: &mut Session,
 ) -> Result<(), FitError> {
     let joint = [STIFFNESS, RATIO, HEIGHT].map(|name| session.std_error(name).unwrap_or(f64::NAN));
     let radii = RADII.map(|name| session.std_error(name).unwrap_or(f64::NAN));
     machine.radius = given;
-    let Some(fit) = slip_fit(logs, &mut machine, [FIXED; 2], None, names, session)? else { return Ok(()) };
+    let Some(fit) = stage.fit(&mut machine, [FIXED; 2], None, session)? else { return Ok(()) };
     record(fit, [0.0; 3], session);
     let alone = [STIFFNESS, RATIO, HEIGHT].map(|name| session.std_error(name).unwrap_or(f64::NAN));
     let extra = std::array::from_fn(|i| (joint[i] * joint[i] - alone[i] * alone[i]).max(0.0).sqrt());
@@ -250,10 +277,13 @@ fn coasting_radius(
     axle: usize,
     session: &mut Session,
 ) -> Result<Option<(f64, f64)>, FitError> {
-    let mut rows = Rows::new("coasting", "m/s", 1);
+    let columns = 1 + logs.len();
+    let mut rows = Rows::new("coasting", "m/s", columns);
+    let mut row = vec![0.0; columns];
     let mut first = 0;
     let mut time = 0.0;
-    for run in logs {
+    for (index, run) in logs.iter().enumerate() {
+        row.fill(0.0);
         let mut since = 0;
         for (k, sample) in run.samples.iter().enumerate() {
             let forces = [sample.drive.force_x, sample.drive.force_z];
@@ -261,7 +291,13 @@ fn coasting_radius(
                 && forces.iter().all(|force| force.abs() < 100.0);
             since = if coasts { since + 1 } else { 0 };
             let settled = since > run.steps(COAST_SETTLE) && sample.speed > 1.0;
-            if settled && rows.push(&[sample.wheel[axle]], sample.speed, first + run.cluster(k)) {
+            if !settled {
+                continue;
+            }
+            // v = r w - tau v'
+            row[0] = sample.wheel[axle];
+            row[1 + index] = -sample.balance(machine).rate;
+            if rows.push(&row, sample.speed, first + run.cluster(k)) {
                 time += run.period;
             }
         }
@@ -274,7 +310,10 @@ fn coasting_radius(
     let prior = given * machine.radius_std;
     let regression = Regression {
         name: "coasting".to_owned(),
-        unknowns: vec![Unknown::within("r", 0.5 * given, 2.0 * given).with_prior(given, prior)],
+        unknowns: [Unknown::within("r", 0.5 * given, 2.0 * given).with_prior(given, prior)]
+            .into_iter()
+            .chain(logs.iter().map(|_| Unknown::free("tau").with_prior(0.0, machine.late_std.max(FIXED))))
+            .collect(),
         groups: vec![rows],
         constraints: Vec::new(),
     };
@@ -299,8 +338,8 @@ fn impulse_balance(logs: &[Run], machine: &Machine) -> Regression {
             for (k, sample) in window.iter().enumerate() {
                 let share = if k == 0 || k == steps { 0.5 * run.period } else { run.period };
                 let drive: f64 = (0..2).map(|i| sample.torque[i] / radius[i]).sum();
-                impulse += share * (drive - sample.drive.force_x - mass * GRAVITY * sample.drive.slope.sin());
-                weight += share * machine.sense(sample.speed) * machine.model.weight(&sample.drive);
+                impulse += share * (drive - sample.drive.force_x - mass * sample.gravity[0]);
+                weight += share * sample.sense * (mass * sample.gravity[1] + sample.drive.force_z);
             }
             let (first, last) = (&window[0], &window[steps]);
             impulse -= mass * (last.speed - first.speed);
@@ -319,50 +358,61 @@ fn impulse_balance(logs: &[Run], machine: &Machine) -> Regression {
     }
 }
 
-/// Stage 2: torque against slip and load, unknowns `(K, K lambda, K h, eta_f, eta_r)`.
+/// Stage 2: torque against slip and load, unknowns `(K, K lambda, K h, eta_f, eta_r, K tau of each log)`, from one of
+/// `stride` samples.
 fn slip_balance(
     logs: &[Run],
     machine: &Machine,
     radius_std: [f64; 2],
     height: Option<(f64, f64)>,
     instrumented: bool,
+    stride: usize,
 ) -> Regression {
     let prior = height;
     let [stiffness, lambda, height] = machine.unknowns;
-    let mut rows = Rows::new("slip", "N.m", 5);
-    let mut noise = vec![0.0; 36];
+    let columns = SHARED + logs.len();
+    let mut rows = Rows::new("slip", "N.m", columns);
+    let mut noise = vec![0.0; (columns + 1) * (columns + 1)];
+    let (mut row, mut instruments) = (vec![0.0; columns], vec![0.0; columns]);
     let mut first = 0;
-    for run in logs {
-        for (k, sample) in run.samples.iter().enumerate() {
+    for (index, run) in logs.iter().enumerate() {
+        row.fill(0.0);
+        instruments.fill(0.0);
+        let late = machine.late[index];
+        for (k, sample) in run.samples.iter().enumerate().step_by(stride) {
+            let speed = sample.smooth;
+            if speed <= SLOWEST || speed.is_nan() {
+                continue;
+            }
+            let measured = run.speed(k, late);
+            let Balance { load_row, traction, rate } = sample.balance(machine);
             for axle in 0..2 {
-                let slipping = sample.slip_speed(machine, axle);
-                let speed = sample.smooth;
-                if speed <= SLOWEST || slipping.abs() >= LARGEST_SLIP * speed || slipping.is_nan() {
+                let radius = machine.radius[axle];
+                let slipping = radius * sample.wheel[axle] - measured;
+                if slipping.abs() >= LARGEST_SLIP * speed || slipping.is_nan() {
                     continue;
                 }
-                let g = sample.load_row(machine, axle);
-                let radius = machine.radius[axle];
+                let (g, traction) = (load_row[axle], traction[axle]);
                 let load = g[0] + g[1] * lambda + g[2] * height;
-                let traction = sample.traction(machine, axle);
                 // Times the speed: the noise of the slip speed is the same at every speed.
-                let row_of = |slipping: f64| {
-                    let mut row = [0.0; 5];
+                let fill = |row: &mut [f64], slipping: f64| {
                     for (cell, g) in row.iter_mut().zip(g) {
                         *cell = radius * slipping * g;
                     }
                     row[3 + axle] = speed * radius * load;
-                    row
+                    row[4 - axle] = 0.0;
+                    row[SHARED + index] = -rate * radius * load;
                 };
-                let row = row_of(slipping);
+                fill(&mut row, slipping);
                 let id = first + run.cluster(k + 1);
                 if instrumented {
-                    let instruments = row_of(speed * traction / (radius * stiffness * load));
+                    fill(&mut instruments, speed * traction / (radius * stiffness * load));
                     rows.push_instrumented(&row, speed * traction, &instruments, id);
                 } else if rows.push(&row, speed * traction, id) {
                     // What the sensors' noise alone puts into the row.
                     let sensors = machine.noise[0].powi(2) + (radius * machine.noise[1]).powi(2);
                     for (j, k) in (0..9).map(|n| (n / 3, n % 3)) {
-                        noise[j * 6 + k] += radius * radius * sensors * g[j] * g[k];
+                        noise[j * (columns + 1) + k] += radius * radius * sensors * g[j] * g[k];
                     }
                 }
             }
@@ -372,6 +422,10 @@ fn slip_balance(
     if !instrumented && !rows.is_empty() {
         rows.noise = noise.iter().map(|sum| sum / rows.len() as f64).collect();
     }
+    let delay = |late: &f64| {
+        let std = machine.late_std.max(late.abs()).max(FIXED);
+        Unknown::free("K tau").with_prior(-stiffness * late, stiffness * std)
+    };
     let eta = |axle: usize| {
         let std = stiffness * radius_std[axle];
         Unknown::free(if axle == 0 { "eta_f" } else { "eta_r" }).with_prior(0.0, std)
@@ -384,18 +438,20 @@ fn slip_balance(
     };
     let mut constraints = between(1, 0.1, 0.9).to_vec();
     constraints.extend(between(2, 0.3, 2.5));
+    let mut unknowns = vec![
+        Unknown::within("K", 2.0, 80.0),
+        Unknown::free("K lambda"),
+        match prior {
+            Some((mean, std)) => Unknown::free("K h").with_prior(stiffness * mean, stiffness * std),
+            None => Unknown::free("K h"),
+        },
+        eta(0),
+        eta(1),
+    ];
+    unknowns.extend(machine.late.iter().map(delay));
     Regression {
         name: "slip and load".to_owned(),
-        unknowns: vec![
-            Unknown::within("K", 2.0, 80.0),
-            Unknown::free("K lambda"),
-            match prior {
-                Some((mean, std)) => Unknown::free("K h").with_prior(stiffness * mean, stiffness * std),
-                None => Unknown::free("K h"),
-            },
-            eta(0),
-            eta(1),
-        ],
+        unknowns,
         groups: vec![rows],
         constraints,
     }
@@ -404,43 +460,45 @@ fn slip_balance(
 /// The regression of stage 2 with the known radii, by instruments or by plain least squares: for
 /// comparisons.
 pub fn slip_regression(log: &Log, known: &Known, instrumented: bool) -> Result<Regression, FitError> {
-    let machine = Machine::new(known);
-    Ok(slip_balance(&[Run::new(log, &machine)?], &machine, [FIXED; 2], None, instrumented))
+    let machine = Machine::new(known, 1);
+    Ok(slip_balance(&[Run::new(log, &machine)?], &machine, [FIXED; 2], None, instrumented, 1))
 }
 
 /// Predicts the slip speed `r w - v` of each axle, averaged over half a second.
 fn validate(task: &Task) -> Vec<Prediction> {
-    let machine = Machine::new(task.known);
+    let machine = Machine::new(task.known, 0);
     let [stiffness, lambda, height] = machine.unknowns;
     let mut predictions = Vec::new();
     for log in task.logs {
         let Ok(run) = Run::new(log, &machine) else { continue };
+        let late = task.known.delay(&log.source, "speed");
         let steps = run.steps(WINDOW);
-        for (axle, name) in ["slip speed, front axle", "slip speed, rear axle"].iter().enumerate() {
-            let mut trace = Trace {
-                name: (*name).to_owned(),
-                unit: "m/s".to_owned(),
-                log: log.source.clone(),
-                time: Vec::new(),
-                measured: Vec::new(),
-                predicted: Vec::new(),
-            };
-            for (window, times) in run.samples.chunks_exact(steps).zip(log.time.chunks_exact(steps)) {
-                let (mut measured, mut predicted) = (0.0, 0.0);
-                for sample in window {
-                    let g = sample.load_row(&machine, axle);
+        let mut traces = ["slip speed, front axle", "slip speed, rear axle"].map(|name| Trace {
+            name: name.to_owned(),
+            unit: "m/s".to_owned(),
+            log: log.source.clone(),
+            ..Trace::default()
+        });
+        for (index, times) in log.time.chunks_exact(steps).enumerate() {
+            let (mut measured, mut predicted) = ([0.0; 2], [0.0; 2]);
+            for k in index * steps..(index + 1) * steps {
+                let (sample, speed) = (&run.samples[k], run.speed(k, late));
+                let Balance { load_row, traction, .. } = sample.balance(&machine);
+                for axle in 0..2 {
+                    let (g, radius) = (load_row[axle], machine.radius[axle]);
                     let load = g[0] + g[1] * lambda + g[2] * height;
-                    let radius = machine.radius[axle];
-                    let sigma = sample.traction(&machine, axle) / (radius * stiffness * load);
-                    measured += sample.slip_speed(&machine, axle) / steps as f64;
-                    predicted += sigma * sample.speed / steps as f64;
+                    let sigma = traction[axle] / (radius * stiffness * load);
+                    measured[axle] += (radius * sample.wheel[axle] - speed) / steps as f64;
+                    predicted[axle] += sigma * sample.speed / steps as f64;
                 }
-                trace.time.push(times[steps / 2]);
-                trace.measured.push(measured);
-                trace.predicted.push(predicted);
             }
-            predictions.push(Prediction { trace, independent: 1 });
+            for (axle, trace) in traces.iter_mut().enumerate() {
+                trace.time.push(times[steps / 2]);
+                trace.measured.push(measured[axle]);
+                trace.predicted.push(predicted[axle]);
+            }
         }
+        predictions.extend(traces.map(|trace| Prediction { trace, independent: 1 }));
     }
     predictions
 }

@@ -6,8 +6,8 @@ use crate::problem::{FitError, Known};
 use wheelstate::estimator::wheel_loader::Parameters;
 use wheelstate::model::wheel_loader::{Drive, GRAVITY, Loader, WheelLoader};
 
-/// What is known of the machine.
-#[derive(Clone, Copy, Debug)]
+/// What is known of the machine, and of its logs' clocks.
+#[derive(Clone, Debug)]
 pub struct Machine {
     /// Masses, lengths and rolling resistance as given.
     pub model: WheelLoader,
@@ -21,11 +21,15 @@ pub struct Machine {
     pub noise: [f64; 2],
     /// `[K, lambda, h]` about which is linearised.
     pub unknowns: [f64; 3],
+    /// How late the speed of each log is against its wheel speeds, s: about which is linearised.
+    pub late: Vec<f64>,
+    /// What is known of that beforehand, standard deviation, s.
+    pub late_std: f64,
 }
 
 impl Machine {
-    /// From the known parameters.
-    pub fn new(known: &Known) -> Self {
+    /// From the known parameters, for so many logs.
+    pub fn new(known: &Known, logs: usize) -> Self {
         Self {
             model: known.parameters::<Parameters>().machine(),
             radius: [known.get(RADII[0]), known.get(RADII[1])],
@@ -33,6 +37,8 @@ impl Machine {
             rolling: known.get(ROLLING),
             noise: [known.get("filter.measurement_std.speed"), known.get("filter.measurement_std.wheel_speed")],
             unknowns: [known.get(STIFFNESS), known.get(RATIO), known.get(HEIGHT)],
+            late: vec![0.0; logs],
+            late_std: 0.0,
         }
     }
 
@@ -55,6 +61,21 @@ pub struct Sample {
     pub smooth: f64,
     /// Measured wheel speeds, rad/s.
     pub wheel: [f64; 2],
+    /// Gravity along the ground, `g sin alpha`, and across it, `g cos alpha`, m/s2.
+    pub gravity: [f64; 2],
+    /// Smooth sign of the speed.
+    pub sense: f64,
+}
+
+/// What the forces of a sample make of it, without slip.
+#[derive(Clone, Copy, Debug)]
+pub struct Balance {
+    /// `g_i` of each axle: its load is `g_i . (1, lambda, h)`.
+    pub load_row: [[f64; 3]; 2],
+    /// Torque of each axle that reaches the ground, N.m.
+    pub traction: [f64; 2],
+    /// `v'`, m/s2.
+    pub rate: f64,
 }
 
 /// A log as its samples.
@@ -86,16 +107,30 @@ impl Run {
                 force_x: push[k],
                 force_z: pull[k],
             };
-            let net = |i: usize| drive.torque[i] - drive.brake[i].abs() * machine.sense(speed[k]);
+            let sense = machine.sense(speed[k]);
+            let net = |i: usize| drive.torque[i] - drive.brake[i].abs() * sense;
             Sample {
                 torque: [net(0), net(1)],
                 drive,
                 speed: speed[k],
                 smooth: average(speed, k, reach),
                 wheel: [wheel[0][k], wheel[1][k]],
+                gravity: [GRAVITY * slope[k].sin(), GRAVITY * slope[k].cos()],
+                sense,
             }
         }));
         Ok(run)
+    }
+
+    /// The speed that belongs to sample `k` if the speed is late by so much: between two samples on a straight line; NaN
+    /// beyond the ends.
+    pub fn speed(&self, k: usize, late: f64) -> f64 {
+        let at = k as f64 + late / self.period;
+        let before = at.floor();
+        let sample = |index: f64| {
+            if index >= 0.0 { self.samples.get(index as usize).map_or(f64::NAN, |sample| sample.speed) } else { f64::NAN }
+        };
+        if at == before { sample(before) } else { sample(before) + (at - before) * (sample(before + 1.0) - sample(before)) }
     }
 
     /// Steps between samples in a time, at least one.
@@ -118,43 +153,26 @@ fn average(values: &[f64], k: usize, reach: usize) -> f64 {
 }
 
 impl Sample {
-    /// Specific force from the forces alone: `(sum T/r - f W - F_x) / (m + sum I/r^2)`, and `v'`.
-    pub fn acceleration(&self, machine: &Machine) -> (f64, f64) {
+    /// Force balance. The specific force comes from the forces alone: `a_s = v' + g sin alpha`,
+    /// `v' = (sum T/r - f W - F_x - m g sin alpha) / (m + sum I/r^2)`; the spinning masses feel `v'`, not `a_s`.
+    pub fn balance(&self, machine: &Machine) -> Balance {
         let Machine { model, radius, rolling, .. } = machine;
-        let (mass, inertia) = (model.loader.mass, model.loader.axle_inertia());
+        let Loader { mass, wheelbase: l, bucket_reach: reach, bucket_height: height, .. } = model.loader;
+        let inertia = model.loader.axle_inertia();
         let spinning: f64 = (0..2).map(|i| inertia[i] / (radius[i] * radius[i])).sum();
         let drive: f64 = (0..2).map(|i| self.torque[i] / radius[i]).sum();
-        let gravity = GRAVITY * self.drive.slope.sin();
-        // The spinning masses feel v', not the specific force.
-        let rate = (drive
-            - rolling * machine.sense(self.speed) * model.weight(&self.drive)
-            - self.drive.force_x
-            - mass * gravity)
-            / (mass + spinning);
-        (rate + gravity, rate)
-    }
-
-    /// `g_i`: the axle's load is `g_i . (1, lambda, h)`.
-    pub fn load_row(&self, machine: &Machine, axle: usize) -> [f64; 3] {
-        let (a_s, _) = self.acceleration(machine);
-        let Loader { mass, wheelbase: l, bucket_reach: reach, bucket_height: height, .. } = machine.model.loader;
-        let static_part = mass * GRAVITY * self.drive.slope.cos();
         let (push, pull) = (self.drive.force_x, self.drive.force_z);
-        if axle == 0 {
-            [pull * (l + reach) / l - push * height / l, static_part, -mass / l * a_s]
-        } else {
-            [static_part - pull * reach / l + push * height / l, -static_part, mass / l * a_s]
+        let [along, across] = self.gravity;
+        let rolling = rolling * self.sense * (mass * across + pull);
+        let rate = (drive - rolling - push - mass * along) / (mass + spinning);
+        let (a_s, weight) = (rate + along, mass * across);
+        Balance {
+            load_row: [
+                [pull * (l + reach) / l - push * height / l, weight, -mass / l * a_s],
+                [weight - pull * reach / l + push * height / l, -weight, mass / l * a_s],
+            ],
+            traction: std::array::from_fn(|i| self.torque[i] - inertia[i] * rate / radius[i]),
+            rate,
         }
-    }
-
-    /// Slip speed `r w - v`, m/s: unlike the slip it has no noise in a denominator.
-    pub fn slip_speed(&self, machine: &Machine, axle: usize) -> f64 {
-        machine.radius[axle] * self.wheel[axle] - self.speed
-    }
-
-    /// Torque that reaches the ground.
-    pub fn traction(&self, machine: &Machine, axle: usize) -> f64 {
-        let (_, rate) = self.acceleration(machine);
-        self.torque[axle] - machine.model.loader.axle_inertia()[axle] * rate / machine.radius[axle]
     }
 }
