@@ -330,7 +330,9 @@ fn outcome(machine: &Machine, damage: Damage, seed: u64) -> Outcome {
     let shifts = |name: &str| name.contains("rest_") && matches!(damage, Damage::OtherRest | Damage::Bias);
     let errors = report.identified().filter(|(name, _)| !shifts(name)).filter_map(|(name, parameter)| {
         let error = parameter.value - truth.get(name)?;
-        Some((name.to_owned(), error / parameter.std_error, error / parameter.sampling_std))
+        // A value that was kept as given has no noise of its own.
+        let by_noise = if parameter.sampling_std > 0.0 { parameter.sampling_std } else { parameter.std_error };
+        Some((name.to_owned(), error / parameter.std_error, error / by_noise))
     });
     Outcome { errors: errors.collect(), warns: looks || report.has_warnings() }
 }

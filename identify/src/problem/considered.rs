@@ -190,11 +190,17 @@ pub fn causes(
     Ok(all)
 }
 
-/// Standard deviation of a channel's delay, s.
-pub fn delay_std(sensors: &[(String, f64)], exact: bool, channel: &str, unit: &str) -> f64 {
-    let told = |name: &str| sensors.iter().find(|(key, _)| *key == format!("{name}.delay_std")).map(|(_, std)| *std);
-    let usual = if exact { 0.0 } else { quality(channel, unit).map_or(0.0, |quality| quality.delay) };
-    told(channel).or_else(|| told(device(channel))).unwrap_or(usual)
+/// Standard deviations of a sensor, as the user gave them or else as usual.
+pub fn quality_of(sensors: &[(String, f64)], exact: bool, channel: &str, unit: &str) -> Quality {
+    let told =
+        |name: &str, what: &str| sensors.iter().find(|(key, _)| *key == format!("{name}.{what}")).map(|(_, std)| *std);
+    let told = |what: &str| told(channel, what).or_else(|| told(device(channel), what));
+    let usual = quality(channel, unit).filter(|_| !exact).unwrap_or(Quality { gain: 0.0, bias: 0.0, delay: 0.0 });
+    Quality {
+        gain: told("gain_std").unwrap_or(usual.gain),
+        bias: told("bias_std").unwrap_or(usual.bias),
+        delay: told("delay_std").unwrap_or(usual.delay),
+    }
 }
 
 impl Cause {

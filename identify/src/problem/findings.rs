@@ -2,7 +2,7 @@
 
 use super::{Judgement, Known, Target};
 use crate::assess::{Evidence, Verdict, verdict};
-use crate::result::{Contribution, Delay, CorrelationPair, Covariance, FitReport, Parameter, Verdict as Shade};
+use crate::result::{Contribution, CorrelationPair, Covariance, Delay, FitReport, Parameter, Verdict as Shade};
 use nalgebra::DMatrix;
 use std::collections::BTreeMap;
 
@@ -55,6 +55,8 @@ pub struct Findings {
     pub covariance: DMatrix<f64>,
     /// Delays that were fitted along.
     pub delays: Vec<Delay>,
+    /// What was decided by the data, see [`Session::decide`](super::Session::decide).
+    pub decisions: BTreeMap<String, bool>,
     /// What was not found, with the reasons.
     pub given_up: BTreeMap<String, String>,
     /// Warnings.

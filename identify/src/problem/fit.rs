@@ -69,9 +69,21 @@ impl Fit<'_> {
     }
 
     /// Estimates from some logs, until all that is given holds.
-    pub fn run(&self, logs: &[Log], known: &Known, coarse: bool, progress: &Progress) -> Result<Findings, FitError> {
+    pub fn run(&self, logs: &[Log], known: &Known, progress: &Progress) -> Result<Findings, FitError> {
+        self.estimate(logs, known, None, progress)
+    }
+
+    /// The same, or, where only differences from a fit are looked for that took some `decisions`, coarsely.
+    fn estimate(
+        &self,
+        logs: &[Log],
+        known: &Known,
+        decisions: Option<&BTreeMap<String, bool>>,
+        progress: &Progress,
+    ) -> Result<Findings, FitError> {
+        let coarse = decisions.is_some();
         let task = self.task(logs, known, coarse, progress);
-        let new = || Session::new(self.request, self.targets).coarse(coarse);
+        let new = || Session::new(self.request, self.targets).coarse(coarse).decided(decisions);
         let mut session = new();
         (self.problem.estimate)(&task, &mut session)?;
         let alone = session.alone(self.given);
@@ -112,10 +124,11 @@ impl Fit<'_> {
     fn effects(&self, logs: &[Log], known: &Known, causes: &[Cause], of: &Findings) -> Vec<Effect> {
         let some = pieces(logs);
         let none = Progress::none();
-        let Ok(base) = self.run(&some, known, true, &none) else { return Vec::new() };
+        let run = |logs: &[Log], known: &Known| self.estimate(logs, known, Some(&of.decisions), &none);
+        let Ok(base) = run(&some, known) else { return Vec::new() };
         let effect = |cause: &Cause| {
             let (logs, changed) = cause.apply(&some, known);
-            let moved = self.run(logs.as_deref().unwrap_or(&some), changed.as_ref().unwrap_or(known), true, &none);
+            let moved = run(logs.as_deref().unwrap_or(&some), changed.as_ref().unwrap_or(known));
             let shift = of.found.iter().map(|found| {
                 // What does not vary with the data, as a standard deviation that is fitted along, has no error of theirs.
                 let moved = moved.as_ref().ok().filter(|_| found.spread > 0.0).and_then(|moved| moved.get(&found.name));
@@ -158,7 +171,7 @@ pub fn fit(
     progress.start_shares("fitting");
     let set = LogSet::new(&fit, logs, &known)?;
     let used = set.used();
-    let joint = fit.run(&used, set.first_known(), false, &progress.part(0.0..0.35))?;
+    let joint = fit.run(&used, set.first_known(), &progress.part(0.0..0.35))?;
     let mut doubts = Doubts::new();
     let (mut findings, free) = set.settle(joint, &fit, &mut doubts);
     findings.warnings.extend(set.warnings.iter().cloned());

@@ -77,6 +77,7 @@ mod imposed;
 pub mod known;
 mod log_set;
 pub mod noise;
+pub mod outliers;
 mod request;
 pub mod session;
 mod several;
@@ -168,7 +169,7 @@ pub struct Task<'a> {
     pub refine: bool,
     /// Whether sensors and known values are exact but for noise.
     pub exact: bool,
-    /// Standard deviations that the user gave for sensors, `CHANNEL.delay_std` among them.
+    /// Standard deviations that the user gave for sensors, as `CHANNEL.delay_std`.
     pub sensors: &'a [(String, f64)],
     /// The channels of the machine's logs.
     pub inputs: &'a [Variable],
@@ -179,10 +180,11 @@ pub struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Standard deviation of the delay of a channel, s: what the user said, or that of a good sensor; 0 if it is exact.
-    pub fn delay_std(&self, channel: &str) -> f64 {
+    /// Standard deviations of a channel's gain, bias and delay: what the user said, or those of a good sensor; zeros if it
+    /// is exact. For what a fit estimates along.
+    pub fn quality(&self, channel: &str) -> Quality {
         let unit = self.inputs.iter().find(|input| input.name == channel).map_or("", |input| input.unit);
-        considered::delay_std(self.sensors, self.exact, channel, unit)
+        considered::quality_of(self.sensors, self.exact, channel, unit)
     }
 
     /// Whether this parameter is wanted.

@@ -46,6 +46,7 @@ pub struct Session<'a> {
     impositions: Vec<Imposition>,
     estimates: Vec<Estimate>,
     delays: Vec<Delay>,
+    decisions: BTreeMap<String, bool>,
     given_up: BTreeMap<String, String>,
     warnings: Vec<String>,
     notes: Vec<String>,
@@ -62,6 +63,7 @@ impl<'a> Session<'a> {
             impositions: Vec::new(),
             estimates: Vec::new(),
             delays: Vec::new(),
+            decisions: BTreeMap::new(),
             given_up: BTreeMap::new(),
             warnings: Vec::new(),
             notes: Vec::new(),
@@ -74,6 +76,18 @@ impl<'a> Session<'a> {
             self.options.loss = Loss::Ls;
         }
         self
+    }
+
+    /// The same with decisions that another fit took.
+    pub(super) fn decided(mut self, decisions: Option<&BTreeMap<String, bool>>) -> Self {
+        self.decisions = decisions.cloned().unwrap_or_default();
+        self
+    }
+
+    /// What a fit decides by its data, as which of two models it takes: what `now` says, or, where only differences
+    /// between fits are looked for, what the fit decided that they are differences of. They would jump otherwise.
+    pub fn decide(&mut self, what: &str, now: bool) -> bool {
+        *self.decisions.entry(what.to_owned()).or_insert(now)
     }
 
     /// The same with conditions that its solutions must meet.
@@ -369,6 +383,7 @@ impl<'a> Session<'a> {
             found: kept.iter().map(|(estimate, target)| self.found(estimate, target.range)).collect(),
             covariance,
             delays: self.delays.clone(),
+            decisions: self.decisions.clone(),
             given_up: self.given_up.clone(),
             warnings: self.warnings.clone(),
             notes: self.notes.clone(),

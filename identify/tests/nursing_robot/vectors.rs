@@ -24,7 +24,8 @@ fn body(expected: &serde_json::Value) -> Body {
         j: mu * human_mass * (h * h + rho * rho),
         efficiency: 1.0,
         smoothing_speed: 0.02,
-        drag: 0.0,
+        air_density: 1.2,
+        drag_area: 0.0,
     }
 }
 

@@ -32,8 +32,8 @@ fn rate(body: &Body, passive: &Passive, x: &State, force: f64, yaw_rate: f64, as
     let [v, phi, phi_dot] = *x;
     let (sin, cos) = phi.sin_cos();
     let (mt, w2) = (body.effective_mass(), yaw_rate * yaw_rate);
-    let resist =
-        passive.rolling * body.total_mass() * GRAVITY * (v / body.smoothing_speed).tanh() + 0.5 * body.air_density * body.drag_area * v * v.abs();
+    let resist = passive.rolling * body.total_mass() * GRAVITY * (v / body.smoothing_speed).tanh()
+        + 0.5 * body.air_density * body.drag_area * v * v.abs();
     let r1 = force - resist + body.b * ((w2 + phi_dot * phi_dot) * sin - aside);
     if body.j == 0.0 {
         return [r1 / mt, 0.0, 0.0];

@@ -13,7 +13,9 @@
 //! `K` and drives `h` to its bound, however long the log is. The rows are therefore solved by
 //! instrumental variables: the slip that the torque would cause stands in for the measured one.
 //! An error of a radius adds a constant to the slip; it is estimated along, `eta_i = K d ln r_i`, with
-//! what stage 0 knows as its prior, so that the height's interval contains the radii's.
+//! the radius as given as its prior, so that the height's interval contains the radii's. Only the ratio of the radius
+//! to the gain of the speed shows in the slip: the prior allows for both, and a radius is that by which this sensor
+//! measures. Stage 0 only tells about which radii to linearise: its samples are among those of stage 2.
 //!
 //! A speed that is late by `tau` adds `-tau v'` to the slip, which is `v a/(g K)`: ten milliseconds are as much as the
 //! whole slip at 2 m/s. Each log's `tau` against its wheel speeds is estimated along, too, `K tau`, with the delay that a
@@ -90,15 +92,16 @@ fn targets(_: &[Log]) -> Vec<Target> {
 
 fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     let mut machine = Machine::new(task.known, task.logs.len());
-    machine.late_std = task.delay_std("speed");
+    let sensor = task.quality("speed");
+    machine.late_std = sensor.delay;
     let logs = task.logs.iter().map(|log| Run::new(log, &machine)).collect::<Result<Vec<_>, _>>()?;
-    let mut radius_std = [FIXED; 2];
+    let given = machine.radius;
+    let mut radii = Radii { given, std: [sensor.gain.max(FIXED); 2] };
     for axle in 0..2 {
         if task.wants(RADII[axle]) {
-            radius_std[axle] = machine.radius_std;
-            if let Some((radius, std)) = coasting_radius(&logs, &machine, axle, session)? {
+            radii.std[axle] = machine.radius_std.hypot(sensor.gain);
+            if let Some(radius) = coasting_radius(&logs, &machine, axle, session)? {
                 machine.radius[axle] = radius;
-                radius_std[axle] = std / radius;
             } else {
                 session.note(format!("no coasting samples: {} stays within its initial.wheel_radius_std", RADII[axle]));
             }
@@ -115,18 +118,22 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
         return Ok(());
     }
     let names: Vec<&str> = [STIFFNESS, RATIO, HEIGHT].into_iter().chain(WIDTHS.iter().map(|(_, w)| *w)).collect();
-    let given = Machine::new(task.known, task.logs.len());
-    let stride = if task.coarse { COARSE } else { 1 };
-    let stage = Slip { logs: &logs, names: &names, stride };
-    let Some(fit) = stage.fit(&mut machine, radius_std, None, session)? else { return Ok(()) };
+    let start = Machine::new(task.known, task.logs.len()).unknowns;
+    let stage = Slip { logs: &logs, names: &names, stride: if task.coarse { COARSE } else { 1 } };
+    let Some(mut fit) = stage.fit(&mut machine, &radii, None, session)? else { return Ok(()) };
     record(fit, [0.0; 3], session);
-    let (mut fit, mut height_known) = (fit, true);
-    if !relatively_known(HEIGHT, session) {
-        height_known = false;
-        let Some(again) = without_height(task, &stage, &mut machine, &given, radius_std, session)? else {
-            return Ok(());
-        };
+    let known = relatively_known(HEIGHT, session);
+    let height_known = session.decide("initial.cg_height is seen", known);
+    if !height_known {
+        // At constant torque height and ratio are one unknown, and so are the radii and the slip stiffness: what is
+        // given of height and radii, as uncertain as it is said to be, leaves a ratio that can be used.
+        (machine.unknowns, machine.late) = (start, vec![0.0; logs.len()]);
+        let height = (start[2], task.known.get("initial.cg_height_std"));
+        let Some(again) = stage.fit(&mut machine, &radii, Some(height), session)? else { return Ok(()) };
         fit = again;
+        session.estimate_judged(STIFFNESS, fit, judged(0.0), |x| x[0]);
+        session.estimate_judged(RATIO, fit, judged(0.0), |x| x[1] / x[0]);
+        session.note("initial.cg_height is not seen in the log; initial.cg_ratio relies on its given value");
     }
     if machine.late_std > 0.0 {
         for (index, log) in task.logs.iter().enumerate() {
@@ -134,7 +141,8 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
             session.delay(&log.source, "speed", "wheel speeds", fit, move |x| late + x[SHARED + index] / x[0]);
         }
     }
-    let mut kept = height_known;
+    // With another gain of the speed, say, the radii would be others and would not be kept.
+    let mut kept = height_known && !task.coarse;
     for axle in 0..2 {
         if !task.wants(RADII[axle]) {
             kept = false;
@@ -144,14 +152,14 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
         session.estimate_judged(RADII[axle], fit, radius_limits(0.0), move |x| radius * (1.0 + x[3 + axle] / x[0]));
         let (value, std) = (session.value(RADII[axle]), session.std_error(RADII[axle]));
         let Some((value, std)) = value.zip(std) else { continue };
-        kept &= (value - given.radius[axle]).abs() < KEEP * std;
-        if !height_known || std > 0.5 * machine.radius_std * radius {
+        kept &= (value - given[axle]).abs() < KEEP * std;
+        if !height_known || std > 0.5 * radii.std[axle] * radius {
             kept = false;
             session.retract(RADII[axle], "neither coasting nor changing torque shows it");
         }
     }
     if kept {
-        keep_given_radii(&stage, machine, given.radius, session)?;
+        keep_given_radii(&stage, machine, given, session)?;
     }
     for (name, width) in WIDTHS {
         let (Some(value), Some(std)) = (session.value(name), session.std_error(name)) else { continue };
@@ -168,6 +176,12 @@ fn relatively_known(name: &str, session: &Session) -> bool {
     session.value(name).zip(session.std_error(name)).is_some_and(|(value, std)| std <= UNOBSERVABLE * value.abs())
 }
 
+/// What is known of the rolling radii beforehand: values, and relative standard deviations.
+struct Radii {
+    given: [f64; 2],
+    std: [f64; 2],
+}
+
 /// Stage 2 over some logs.
 struct Slip<'a> {
     logs: &'a [Run],
@@ -180,14 +194,14 @@ impl Slip<'_> {
     fn fit(
         &self,
         machine: &mut Machine,
-        radius_std: [f64; 2],
+        radii: &Radii,
         height: Option<(f64, f64)>,
         session: &mut Session,
     ) -> Result<Option<Fitted>, FitError> {
         let mut fit = None;
         for _ in 0..PASSES {
             let before = machine.late.clone();
-            fit = session.solve(&slip_balance(self.logs, machine, radius_std, height, true, self.stride), self.names)?;
+            fit = session.solve(&slip_balance(self.logs, machine, radii, height, true, self.stride), self.names)?;
             let Some(found) = fit else { break };
             let theta = &session.solution(found).theta;
             machine.unknowns = [theta[0], theta[1] / theta[0], theta[2] / theta[0]];
@@ -215,38 +229,6 @@ fn record(fit: Fitted, extra_std: [f64; 3], session: &mut Session) {
     session.estimate_judged(HEIGHT, fit, judged(extra_std[2]), |x| x[2] / x[0]);
 }
 
-/// At constant torque height and ratio are one unknown, and so are the radii and the slip stiffness:
-/// the given height, as uncertain as it is said to be, and the radii as they are leave a ratio that
-/// can be used. What the radii's uncertainty does to it is found by moving them.
-fn without_height(
-    task: &Task,
-    stage: &Slip,
-    machine: &mut Machine,
-    given: &Machine,
-    radius_std: [f64; 2],
-    session: &mut Session,
-) -> Result<Option<Fitted>, FitError> {
-    machine.unknowns = given.unknowns;
-    let prior = Some((given.unknowns[2], task.known.get("initial.cg_height_std")));
-    let start = machine.clone();
-    let Some(fit) = stage.fit(machine, [FIXED; 2], prior, session)? else { return Ok(None) };
-    let mut variance = [0.0; 2];
-    // Where only differences between fits are looked for, nobody asks how certain they are.
-    for (axle, std) in radius_std.into_iter().enumerate().filter(|_| !task.coarse) {
-        let mut moved = start.clone();
-        moved.radius[axle] *= 1.0 + std;
-        if stage.fit(&mut moved, [FIXED; 2], prior, session)?.is_some() {
-            for (sum, (a, b)) in variance.iter_mut().zip(moved.unknowns.iter().zip(machine.unknowns)) {
-                *sum += (a - b).powi(2);
-            }
-        }
-    }
-    session.estimate_judged(STIFFNESS, fit, judged(variance[0].sqrt()), |x| x[0]);
-    session.estimate_judged(RATIO, fit, judged(variance[1].sqrt()), |x| x[1] / x[0]);
-    session.note("initial.cg_height is not seen in the log; initial.cg_ratio relies on its given value");
-    Ok(Some(fit))
-}
-
 /// The log does not contradict the given radii, which were measured better than half a minute of
 /// driving can: they stay, and so does the uncertainty that the log alone would leave.
 fn keep_given_radii(
@@ -258,7 +240,7 @@ fn keep_given_radii(
     let joint = [STIFFNESS, RATIO, HEIGHT].map(|name| session.std_error(name).unwrap_or(f64::NAN));
     let radii = RADII.map(|name| session.std_error(name).unwrap_or(f64::NAN));
     machine.radius = given;
-    let Some(fit) = stage.fit(&mut machine, [FIXED; 2], None, session)? else { return Ok(()) };
+    let Some(fit) = stage.fit(&mut machine, &Radii { given, std: [FIXED; 2] }, None, session)? else { return Ok(()) };
     record(fit, [0.0; 3], session);
     let alone = [STIFFNESS, RATIO, HEIGHT].map(|name| session.std_error(name).unwrap_or(f64::NAN));
     let extra = std::array::from_fn(|i| (joint[i] * joint[i] - alone[i] * alone[i]).max(0.0).sqrt());
@@ -270,20 +252,17 @@ fn keep_given_radii(
     Ok(())
 }
 
-/// Stage 0: the radius of an axle and its standard error, or nothing if the machine never coasts.
+/// Stage 0: the radius of an axle, or nothing if the machine never coasts.
 fn coasting_radius(
     logs: &[Run],
     machine: &Machine,
     axle: usize,
     session: &mut Session,
-) -> Result<Option<(f64, f64)>, FitError> {
-    let columns = 1 + logs.len();
-    let mut rows = Rows::new("coasting", "m/s", columns);
-    let mut row = vec![0.0; columns];
+) -> Result<Option<f64>, FitError> {
+    let mut rows = Rows::new("coasting", "m/s", 1);
     let mut first = 0;
     let mut time = 0.0;
-    for (index, run) in logs.iter().enumerate() {
-        row.fill(0.0);
+    for run in logs {
         let mut since = 0;
         for (k, sample) in run.samples.iter().enumerate() {
             let forces = [sample.drive.force_x, sample.drive.force_z];
@@ -291,13 +270,7 @@ fn coasting_radius(
                 && forces.iter().all(|force| force.abs() < 100.0);
             since = if coasts { since + 1 } else { 0 };
             let settled = since > run.steps(COAST_SETTLE) && sample.speed > 1.0;
-            if !settled {
-                continue;
-            }
-            // v = r w - tau v'
-            row[0] = sample.wheel[axle];
-            row[1 + index] = -sample.balance(machine).rate;
-            if rows.push(&row, sample.speed, first + run.cluster(k)) {
+            if settled && rows.push(&[sample.wheel[axle]], sample.speed, first + run.cluster(k)) {
                 time += run.period;
             }
         }
@@ -310,16 +283,12 @@ fn coasting_radius(
     let prior = given * machine.radius_std;
     let regression = Regression {
         name: "coasting".to_owned(),
-        unknowns: [Unknown::within("r", 0.5 * given, 2.0 * given).with_prior(given, prior)]
-            .into_iter()
-            .chain(logs.iter().map(|_| Unknown::free("tau").with_prior(0.0, machine.late_std.max(FIXED))))
-            .collect(),
+        unknowns: vec![Unknown::within("r", 0.5 * given, 2.0 * given).with_prior(given, prior)],
         groups: vec![rows],
         constraints: Vec::new(),
     };
     let Some(fit) = session.solve(&regression, &[])? else { return Ok(None) };
-    let solution = session.solution(fit);
-    Ok(Some((solution.theta[0], solution.std(0))))
+    Ok(Some(session.solution(fit).theta[0]))
 }
 
 /// Stage 1: impulse balance over windows.
@@ -363,7 +332,7 @@ fn impulse_balance(logs: &[Run], machine: &Machine) -> Regression {
 fn slip_balance(
     logs: &[Run],
     machine: &Machine,
-    radius_std: [f64; 2],
+    radii: &Radii,
     height: Option<(f64, f64)>,
     instrumented: bool,
     stride: usize,
@@ -427,8 +396,8 @@ fn slip_balance(
         Unknown::free("K tau").with_prior(-stiffness * late, stiffness * std)
     };
     let eta = |axle: usize| {
-        let std = stiffness * radius_std[axle];
-        Unknown::free(if axle == 0 { "eta_f" } else { "eta_r" }).with_prior(0.0, std)
+        let (given, std) = ((radii.given[axle] / machine.radius[axle]).ln(), radii.std[axle]);
+        Unknown::free(if axle == 0 { "eta_f" } else { "eta_r" }).with_prior(stiffness * given, stiffness * std)
     };
     let between = |index: usize, low: f64, high: f64| {
         [
@@ -449,19 +418,15 @@ fn slip_balance(
         eta(1),
     ];
     unknowns.extend(machine.late.iter().map(delay));
-    Regression {
-        name: "slip and load".to_owned(),
-        unknowns,
-        groups: vec![rows],
-        constraints,
-    }
+    Regression { name: "slip and load".to_owned(), unknowns, groups: vec![rows], constraints }
 }
 
 /// The regression of stage 2 with the known radii, by instruments or by plain least squares: for
 /// comparisons.
 pub fn slip_regression(log: &Log, known: &Known, instrumented: bool) -> Result<Regression, FitError> {
     let machine = Machine::new(known, 1);
-    Ok(slip_balance(&[Run::new(log, &machine)?], &machine, [FIXED; 2], None, instrumented, 1))
+    let radii = Radii { given: machine.radius, std: [FIXED; 2] };
+    Ok(slip_balance(&[Run::new(log, &machine)?], &machine, &radii, None, instrumented, 1))
 }
 
 /// Predicts the slip speed `r w - v` of each axle, averaged over half a second.

@@ -3,7 +3,7 @@
 //! Force and moment balance in weak form, in one convex program with physical consistency:
 //! `M, D, Fc, IP, B, tauc, ML >= 0`, `ML <= L M` for a lever of at most [`LONGEST_LEVER`], and
 //! `Ic = IP - ML^2 / M >= 0` as the second-order cone `(IP + M, 2 ML, IP - M)`. Outliers of the
-//! accelerometer are removed sample by sample before the windows, see [`signals::hampel`].
+//! accelerometer are removed sample by sample before the windows, see [`hampel`](crate::problem::outliers::hampel).
 //!
 //! Wheel radius, encoder geometry, accelerometer position and the wheels' spin inertia are known
 //! parameters. What is weak by nature: drag, yaw drag and yaw friction are small shares of the force; a

@@ -1,15 +1,13 @@
 //! From a log to the signals of the chair on a uniform time base.
 
 use crate::log::Log;
+use crate::problem::outliers::hampel;
 use crate::problem::{FitError, Known};
 use wheelstate::estimator::wheelchair::Parameters;
 use wheelstate::model::wheelchair::{Chair, wheel_travel};
 
 /// Reach to both sides of the running mean whose slope gives speed and yaw rate where products of them are needed, s.
 const MEAN_REACH: f64 = 0.1;
-/// Reach to both sides of the outlier filter, s, and its threshold in robust standard deviations.
-const HAMPEL_REACH: f64 = 0.1;
-const HAMPEL_THRESHOLD: f64 = 4.0;
 
 /// Signals of one log; NaN is missing.
 #[derive(Clone, Debug, Default)]
@@ -81,10 +79,7 @@ pub fn signals(log: &Log, chair: &Chair) -> Result<Signals, FitError> {
     Ok(Signals {
         period,
         start: log.time.first().copied().unwrap_or(0.0),
-        sense: [
-            sense(&speed, chair.rolling.smoothing_speed),
-            sense(&yaw_rate, chair.rolling.smoothing_yaw_rate),
-        ],
+        sense: [sense(&speed, chair.rolling.smoothing_speed), sense(&yaw_rate, chair.rolling.smoothing_yaw_rate)],
         speed,
         yaw_rate,
         travel,
@@ -100,61 +95,6 @@ pub fn signals(log: &Log, chair: &Chair) -> Result<Signals, FitError> {
 /// Samples in a time, at least one.
 fn samples(seconds: f64, period: f64) -> usize {
     ((seconds / period).round() as usize).max(1)
-}
-
-/// Replaces outliers by the median around them; on raw samples, because every window of a hundred
-/// samples holds some and no robust loss on windows could tell them. Returns how many.
-pub fn hampel(x: &mut [f64], period: f64) -> usize {
-    let reach = samples(HAMPEL_REACH, period);
-    let raw = x.to_vec();
-    // The samples around the current one in order: its median is in the middle.
-    let mut around: Vec<f64> = Vec::with_capacity(2 * reach + 2);
-    let place = |around: &[f64], value: f64| around.partition_point(|other| *other < value);
-    let enter = |around: &mut Vec<f64>, value: f64| {
-        if value.is_finite() {
-            around.insert(place(around, value), value);
-        }
-    };
-    raw.iter().take(reach).for_each(|value| enter(&mut around, *value));
-    let mut deviations = Vec::with_capacity(2 * reach + 2);
-    let mut replaced = 0;
-    for (i, value) in x.iter_mut().enumerate() {
-        if let Some(ahead) = raw.get(i + reach) {
-            enter(&mut around, *ahead);
-        }
-        if let Some(behind) = (i > reach).then(|| raw[i - reach - 1]).filter(|value| value.is_finite()) {
-            around.remove(place(&around, behind));
-        }
-        let n = around.len();
-        if n == 0 {
-            continue;
-        }
-        let centre = if n % 2 == 1 { around[n / 2] } else { 0.5 * (around[n / 2 - 1] + around[n / 2]) };
-        let away = (*value - centre).abs();
-        // An outlier has at least half of the others this near to the median; few samples get beyond this count.
-        let near = away / (HAMPEL_THRESHOLD * 1.4826);
-        if around.iter().filter(|other| (**other - centre).abs() < near).count() < n / 2 {
-            continue;
-        }
-        let spread = median(&mut deviations, around.iter().map(|v| (v - centre).abs())).unwrap_or(0.0);
-        // A signal that hardly ever moves has no spread to judge by.
-        if spread > 0.0 && away > HAMPEL_THRESHOLD * 1.4826 * spread {
-            *value = centre;
-            replaced += 1;
-        }
-    }
-    replaced
-}
-
-fn median(buffer: &mut Vec<f64>, values: impl Iterator<Item = f64>) -> Option<f64> {
-    buffer.clear();
-    buffer.extend(values.filter(|value| value.is_finite()));
-    let n = buffer.len();
-    if n == 0 {
-        return None;
-    }
-    let (below, middle, _) = buffer.select_nth_unstable_by(n / 2, f64::total_cmp);
-    Some(if n % 2 == 1 { *middle } else { 0.5 * (below.iter().copied().fold(f64::MIN, f64::max) + *middle) })
 }
 
 /// Slope of the running mean by central differences, one-sided at the ends. No Savitzky-Golay fit, which is several times
@@ -179,24 +119,6 @@ fn slope_of_mean(x: &[f64], period: f64) -> Vec<f64> {
 mod tests {
     use super::*;
     use std::f64::consts::{PI, TAU};
-
-    #[test]
-    fn outliers_are_replaced_and_the_rest_is_kept() {
-        let clean: Vec<f64> = (0..200).map(|i| (0.05 * f64::from(i)).sin() + 0.01 * f64::from(i % 3)).collect();
-        let mut x = clean.clone();
-        for i in [0, 20, 21, 77, 199] {
-            x[i] += if i % 2 == 0 { 5.0 } else { -3.0 };
-        }
-        x[100] = f64::NAN;
-        assert_eq!(hampel(&mut x, 0.01), 5);
-        for (i, (x, clean)) in x.iter().zip(&clean).enumerate() {
-            assert!(i == 100 || (x - clean).abs() < 0.5, "{i}: {x} instead of {clean}");
-        }
-        assert!(x[100].is_nan());
-        let mut still = vec![1.0; 50];
-        still[3] = 1.1;
-        assert_eq!(hampel(&mut still, 0.01), 0);
-    }
 
     #[test]
     fn the_slope_of_a_ramp_is_its_slope() {

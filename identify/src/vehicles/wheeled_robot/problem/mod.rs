@@ -146,10 +146,11 @@ fn tire(
     let fitted = with(&prior, &theta);
     let (bend, reach) = reach(p, &fitted, &instants, axle);
     let beyond = beyond_friction(&prior, &instants, axle);
-    let contradicted = beyond > BEYOND;
-    let near_peak = reach > 2.0 / bend && all.std(2) < RELATIVE;
-    let shape = near_peak && all.std(1) < RELATIVE * theta[1] && !all.at_bound[1];
-    let curvature = near_peak && all.std(3) < CURVATURE && !all.at_bound[3];
+    let mut decide = |what: &str, now: bool| session.decide(&format!("{} {what}", AXLES[axle]), now);
+    let contradicted = decide("friction is contradicted", beyond > BEYOND);
+    let near_peak = decide("tyres reach their peak", reach > 2.0 / bend && all.std(2) < RELATIVE);
+    let shape = decide("shape is seen", near_peak && all.std(1) < RELATIVE * theta[1] && !all.at_bound[1]);
+    let curvature = decide("curvature is seen", near_peak && all.std(3) < CURVATURE && !all.at_bound[3]);
     let free = [true, shape, near_peak || contradicted, curvature];
     let with_all = [all.theta[0].exp(), all.theta[2].exp()];
     let fit = if free == [true; 4] { all } else { solve(free)? };

@@ -1,0 +1,83 @@
+//! Outliers of single samples.
+
+/// Reach to both sides of the filter, s, and its threshold in robust standard deviations.
+const REACH: f64 = 0.1;
+const THRESHOLD: f64 = 4.0;
+
+/// Replaces outliers by the median around them; on raw samples, because every window of a hundred
+/// samples holds some and no robust loss on windows could tell them. Returns how many.
+pub fn hampel(x: &mut [f64], period: f64) -> usize {
+    let reach = ((REACH / period).round() as usize).max(1);
+    let raw = x.to_vec();
+    // The samples around the current one in order: its median is in the middle.
+    let mut around: Vec<f64> = Vec::with_capacity(2 * reach + 2);
+    let place = |around: &[f64], value: f64| around.partition_point(|other| *other < value);
+    let enter = |around: &mut Vec<f64>, value: f64| {
+        if value.is_finite() {
+            around.insert(place(around, value), value);
+        }
+    };
+    raw.iter().take(reach).for_each(|value| enter(&mut around, *value));
+    let mut deviations = Vec::with_capacity(2 * reach + 2);
+    let mut replaced = 0;
+    for (i, value) in x.iter_mut().enumerate() {
+        if let Some(ahead) = raw.get(i + reach) {
+            enter(&mut around, *ahead);
+        }
+        if let Some(behind) = (i > reach).then(|| raw[i - reach - 1]).filter(|value| value.is_finite()) {
+            around.remove(place(&around, behind));
+        }
+        let n = around.len();
+        if n == 0 {
+            continue;
+        }
+        let centre = if n % 2 == 1 { around[n / 2] } else { 0.5 * (around[n / 2 - 1] + around[n / 2]) };
+        let away = (*value - centre).abs();
+        // An outlier has at least half of the others this near to the median; few samples get beyond this count.
+        let near = away / (THRESHOLD * 1.4826);
+        if around.iter().filter(|other| (**other - centre).abs() < near).count() < n / 2 {
+            continue;
+        }
+        let spread = median(&mut deviations, around.iter().map(|v| (v - centre).abs())).unwrap_or(0.0);
+        // A signal that hardly ever moves has no spread to judge by.
+        if spread > 0.0 && away > THRESHOLD * 1.4826 * spread {
+            *value = centre;
+            replaced += 1;
+        }
+    }
+    replaced
+}
+
+fn median(buffer: &mut Vec<f64>, values: impl Iterator<Item = f64>) -> Option<f64> {
+    buffer.clear();
+    buffer.extend(values.filter(|value| value.is_finite()));
+    let n = buffer.len();
+    if n == 0 {
+        return None;
+    }
+    let (below, middle, _) = buffer.select_nth_unstable_by(n / 2, f64::total_cmp);
+    Some(if n % 2 == 1 { *middle } else { 0.5 * (below.iter().copied().fold(f64::MIN, f64::max) + *middle) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::hampel;
+
+    #[test]
+    fn outliers_are_replaced_and_the_rest_is_kept() {
+        let clean: Vec<f64> = (0..200).map(|i| (0.05 * f64::from(i)).sin() + 0.01 * f64::from(i % 3)).collect();
+        let mut x = clean.clone();
+        for i in [0, 20, 21, 77, 199] {
+            x[i] += if i % 2 == 0 { 5.0 } else { -3.0 };
+        }
+        x[100] = f64::NAN;
+        assert_eq!(hampel(&mut x, 0.01), 5);
+        for (i, (x, clean)) in x.iter().zip(&clean).enumerate() {
+            assert!(i == 100 || (x - clean).abs() < 0.5, "{i}: {x} instead of {clean}");
+        }
+        assert!(x[100].is_nan());
+        let mut still = vec![1.0; 50];
+        still[3] = 1.1;
+        assert_eq!(hampel(&mut still, 0.01), 0);
+    }
+}
