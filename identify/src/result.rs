@@ -51,6 +51,9 @@ pub struct FitReport {
     /// How late channels are, where the fit of the machine finds that along with its parameters.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub delays: Vec<Delay>,
+    /// How parameters vary from log to log, where that was asked for (`--varies`).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub laws: Vec<Law>,
     /// Known values that the fit relied on (`--set`, `--params`), by their FMU names.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub settings: BTreeMap<String, f64>,
@@ -142,6 +145,31 @@ pub struct Delay {
     pub std_error: f64,
 }
 
+/// How a parameter varies from log to log: `value + slope (mean of the channel over the log - reference)`, give or take
+/// the scatter; the value stands among the parameters, those of the logs in its `per_log`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Law {
+    /// FMU name of the parameter.
+    pub parameter: String,
+    /// The channel that it follows; empty if none.
+    pub channel: String,
+    /// Mean of the channel over all logs.
+    #[serde(with = "maybe")]
+    pub reference: f64,
+    /// Change of the parameter per unit of the channel.
+    #[serde(with = "maybe")]
+    pub slope: f64,
+    /// Standard error of the slope.
+    #[serde(with = "maybe")]
+    pub slope_std_error: f64,
+    /// Standard deviation of the logs about the law, beyond the errors of their fits.
+    #[serde(with = "maybe")]
+    pub scatter: f64,
+    /// `chi2/dof` of the logs about the law by the errors of their fits alone.
+    #[serde(with = "maybe")]
+    pub disagreement: f64,
+}
+
 /// How far the data determine a parameter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -172,6 +200,25 @@ impl Verdict {
             Self::PriorOnly => "prior only",
             Self::PerLog => "per log",
         }
+    }
+}
+
+impl Law {
+    /// In words, for the parameter with its value at the reference.
+    pub(crate) fn words(&self, parameter: &Parameter) -> String {
+        let Self { channel, reference, slope, slope_std_error, scatter, disagreement, .. } = self;
+        let law = if channel.is_empty() {
+            String::new()
+        } else {
+            format!(
+                " at {channel} {reference:.4}, and changes by {slope:.3e} +- {slope_std_error:.1e} with each unit of it"
+            )
+        };
+        format!(
+            "{} is {:.4}{law}; the logs scatter about that by {scatter:.2e} beyond their own errors (chi2/dof {disagreement:.1} \
+             without that)",
+            self.parameter, parameter.value
+        )
     }
 }
 

@@ -23,6 +23,8 @@ Examples:
   identify fit nursing-robot log.csv --out fit.json
   identify fit nursing-robot log.csv --set human.nominal_mass=72 --refine --report fit.html
   identify fit nursing-robot trip*.csv --columns map.toml --only robot.mass,rolling.coefficient
+  identify fit nursing-robot trip*.csv --columns map.toml --only robot.mass,rolling.coefficient,aero.drag_area \
+      --per-log robot.mass --varies rolling.coefficient=ambient_C
   identify fit nursing-robot a.csv b.csv --set a.csv:human.nominal_mass=50 --set b.csv:human.nominal_mass=95
   identify fit wheelchair run1.csv run2.parquet --sensor drive_force.gain_std=0.005 --held-out run3.csv
 
@@ -55,6 +57,10 @@ pub(super) struct FitArgs {
     /// Parameters that each log has a value of its own of.
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     per_log: Vec<String>,
+    /// A parameter that differs from log to log, or with the mean of a channel over each log: its mean, its change with the
+    /// channel and the scatter of the logs are fitted. May be repeated.
+    #[arg(long = "varies", value_name = "NAME[=CHANNEL]")]
+    varies: Vec<String>,
     /// Fit only these parameters.
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     only: Vec<String>,
@@ -154,6 +160,7 @@ fn request(args: &FitArgs, paths: &[PathBuf], held_out: Vec<Log>) -> Result<FitR
         known: pairs(&args.priors),
         bounds: pairs(&args.bounds),
         per_log: trimmed(&args.per_log),
+        varies: args.varies.iter().map(|text| settings::parse_law(text)).collect(),
         of_log,
         sensors: settings::numbers(args.vehicle, &args.sensors)?,
         exact: args.exact,

@@ -71,6 +71,14 @@ pub fn parse_span(text: &str) -> Result<(f64, f64), String> {
     ends.filter(|(a, b)| a < b).ok_or_else(|| "from..to in s is expected, as in 12.5..14".to_owned())
 }
 
+/// `name`, or `name=channel`.
+pub fn parse_law(text: &str) -> (String, Option<String>) {
+    match text.split_once('=') {
+        Some((name, channel)) => (name.trim().to_owned(), Some(channel.trim().to_owned())),
+        None => (text.trim().to_owned(), None),
+    }
+}
+
 fn pair(text: &str, separators: &[&str]) -> Option<Pair> {
     let (name, rest) = text.split_once('=')?;
     let (a, b) = separators.iter().find_map(|separator| rest.split_once(separator))?;

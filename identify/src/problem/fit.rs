@@ -169,11 +169,11 @@ pub fn fit(
     let fit = Fit { problem, request, targets: &targets, wanted: &wanted, given: &given, inputs: &declared.inputs };
 
     progress.start_shares("fitting");
-    let set = LogSet::new(&fit, logs, &known)?;
+    let mut set = LogSet::new(&fit, logs, &known)?;
     let used = set.used();
     let joint = fit.run(&used, set.first_known(), &progress.part(0.0..0.35))?;
     let mut doubts = Doubts::new();
-    let (mut findings, free) = set.settle(joint, &fit, &mut doubts);
+    let (mut findings, free) = set.settle(joint, &fit, &mut doubts)?;
     findings.warnings.extend(set.warnings.iter().cloned());
     for name in request.only.iter().filter(|name| request.settings.iter().any(|(given, _)| given == *name)) {
         findings
@@ -208,6 +208,13 @@ pub fn fit(
         report.parameters.insert(name.clone(), set.per_log(name, &targets));
         report.notes.push(format!("{name} was fitted for each log by itself; the table has its mean and scatter"));
     }
+    for law in &set.laws {
+        if let Some(parameter) = report.parameters.get_mut(&law.parameter) {
+            parameter.per_log = set.own(&law.parameter);
+            report.notes.push(law.words(parameter));
+        }
+    }
+    report.laws.clone_from(&set.laws);
     let known_values = request.known.iter().map(|(name, value, _)| (name.clone(), *value));
     Ok(FitReport {
         format_version: FORMAT_VERSION,

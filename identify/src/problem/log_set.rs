@@ -3,10 +3,11 @@
 use super::findings::Findings;
 use super::fit::{Doubts, Fit};
 use super::several::{combine, compare};
+use super::varying::{Varying, together};
 use super::{FitError, Known, Target};
 use crate::log::Log;
 use crate::progress::Progress;
-use crate::result::{OfLog, Parameter, Trace, Verdict};
+use crate::result::{Law, OfLog, Parameter, Trace, Verdict};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -25,6 +26,8 @@ pub struct LogSet<'a> {
     pub chosen: Vec<usize>,
     /// Which were left out, and why.
     pub warnings: Vec<String>,
+    /// How parameters vary from log to log.
+    pub laws: Vec<Law>,
 }
 
 impl<'a> LogSet<'a> {
@@ -35,7 +38,7 @@ impl<'a> LogSet<'a> {
             known[*log].set(name, *value)?;
         }
         let (alone, chosen) = (vec![None; logs.len()], (0..logs.len()).collect());
-        let mut set = Self { logs, known, alone, chosen, warnings: Vec::new() };
+        let mut set = Self { logs, known, alone, chosen, warnings: Vec::new(), laws: Vec::new() };
         if logs.len() > 1 {
             set.estimate_alone(fit)?;
             if fit.request.skip_bad {
@@ -51,7 +54,7 @@ impl<'a> LogSet<'a> {
     fn estimate_alone(&mut self, fit: &Fit) -> Result<(), FitError> {
         let own = self.logs.par_iter().zip(&self.known);
         let answers: Vec<_> =
-            own.map(|(log, known)| fit.run(std::slice::from_ref(log), known, false, &Progress::none())).collect();
+            own.map(|(log, known)| fit.run(std::slice::from_ref(log), known, &Progress::none())).collect();
         for (index, answer) in answers.into_iter().enumerate() {
             match answer {
                 Ok(findings) => self.alone[index] = Some(findings),
@@ -99,12 +102,18 @@ impl<'a> LogSet<'a> {
     }
 
     /// The joint answer of the logs, and which parameters each of them has its own of; what contradicts is a doubt.
-    pub fn settle(&self, joint: Findings, fit: &Fit, doubts: &mut Doubts) -> (Findings, BTreeSet<String>) {
+    pub fn settle(
+        &mut self,
+        joint: Findings,
+        fit: &Fit,
+        doubts: &mut Doubts,
+    ) -> Result<(Findings, BTreeSet<String>), FitError> {
         let mut free: BTreeSet<String> =
             fit.request.per_log.iter().filter(|name| fit.wanted.contains(name)).cloned().collect();
         if self.chosen.len() < 2 {
-            return (joint, BTreeSet::new());
+            return Ok((joint, BTreeSet::new()));
         }
+        let varies = |name: &str| fit.request.varies.iter().any(|(other, _)| other == name);
         for target in fit.targets.iter().filter(|target| fit.wanted.contains(&target.name)) {
             let Some(comparison) = compare(&self.alone, &target.name).filter(|comparison| comparison.contradicts)
             else {
@@ -112,7 +121,7 @@ impl<'a> LogSet<'a> {
             };
             if of_a_log(target) {
                 free.insert(target.name.clone());
-            } else if !free.contains(&target.name) {
+            } else if !free.contains(&target.name) && !varies(&target.name) {
                 let (odd, apart) = comparison.odd;
                 doubts.entry(target.name.clone()).or_default().push(format!(
                     "the logs contradict each other (chi2/dof {:.1}); {} is {apart:.0} standard errors from the others \
@@ -122,13 +131,61 @@ impl<'a> LogSet<'a> {
             }
         }
         let answers: Vec<&Findings> = self.chosen.iter().filter_map(|&index| self.alone[index].as_ref()).collect();
-        let Some(combined) = combine(&answers, &free) else { return (joint, BTreeSet::new()) };
+        if !fit.request.varies.is_empty() {
+            let varying = self.varying(fit)?;
+            let Some(together) = together(&answers, &free, &varying) else {
+                return Err(FitError::Request(
+                    "--varies: every log by itself must tell what varies and what all share; give what a log does not tell \
+                     (--set), or leave it out (--only)"
+                        .to_owned(),
+                ));
+            };
+            self.take(together.own);
+            self.laws = together.laws;
+            return Ok((together.findings, free));
+        }
+        let Some(combined) = combine(&answers, &free) else { return Ok((joint, BTreeSet::new())) };
         let must = !free.is_empty() || !fit.request.of_log.is_empty();
         let complete = joint.found.iter().all(|found| answers.iter().all(|log| log.get(&found.name).is_some()));
         let sharper = joint.found.iter().any(|found| {
             combined.get(&found.name).is_some_and(|other| other.spread < SHARPER * found.spread && found.spread > 0.0)
         });
-        if must || (complete && sharper) { (combined, free) } else { (joint, BTreeSet::new()) }
+        Ok(if must || (complete && sharper) { (combined, free) } else { (joint, BTreeSet::new()) })
+    }
+
+    /// What varies, with the means of the channels that it follows.
+    fn varying(&self, fit: &Fit) -> Result<Vec<Varying>, FitError> {
+        let mean = |log: &Log, channel: &str| {
+            let finite = log.channel(channel).unwrap_or_default().iter().filter(|value| value.is_finite());
+            let (sum, count) = finite.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+            if count > 0.0 {
+                Ok(sum / count)
+            } else {
+                Err(FitError::Request(format!("--varies: {} has no samples of {channel}", log.source)))
+            }
+        };
+        let of = |(name, channel): &(String, Option<String>)| {
+            let means = |channel: &String| -> Result<_, FitError> {
+                let means =
+                    self.chosen.iter().map(|&index| mean(&self.logs[index], channel)).collect::<Result<_, _>>()?;
+                Ok((channel.clone(), means))
+            };
+            Ok(Varying { name: name.clone(), follows: channel.as_ref().map(means).transpose()? })
+        };
+        fit.request.varies.iter().filter(|(name, _)| fit.wanted.contains(name)).map(of).collect()
+    }
+
+    /// Takes over what each log has of its own, given what all share.
+    fn take(&mut self, own: Vec<Vec<(String, f64, f64)>>) {
+        for (index, own) in self.chosen.iter().zip(own) {
+            let Some(findings) = &mut self.alone[*index] else { continue };
+            for (name, value, spread) in own {
+                if let Some(found) = findings.found.iter_mut().find(|found| found.name == name) {
+                    (found.value, found.spread, found.bias) = (value, spread, 0.0);
+                    found.coloured.clear();
+                }
+            }
+        }
     }
 
     /// A parameter that was fitted for each log by itself: mean and scatter, and the value of each log.
@@ -152,7 +209,7 @@ impl<'a> LogSet<'a> {
     }
 
     /// The values that each log has of a parameter.
-    fn own(&self, name: &str) -> BTreeMap<String, OfLog> {
+    pub fn own(&self, name: &str) -> BTreeMap<String, OfLog> {
         let of = |(log, findings): (&Log, &Option<Findings>)| {
             let found = findings.as_ref()?.get(name)?;
             let std_error = found.own_error().hypot(found.judgement.systematic_std);

@@ -82,6 +82,7 @@ mod request;
 pub mod session;
 mod several;
 mod validate;
+mod varying;
 pub mod weak_form;
 
 pub use crate::assess::validation::Prediction;

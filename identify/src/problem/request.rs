@@ -20,6 +20,9 @@ pub struct FitRequest {
     pub bounds: Vec<(String, f64, f64)>,
     /// Parameters that each log has a value of its own of (`--per-log`).
     pub per_log: Vec<String>,
+    /// Parameters that differ from log to log, with the channel that they follow, if any (`--varies`): the mean, how it
+    /// changes with the channel's mean over a log, and the scatter of the logs are fitted.
+    pub varies: Vec<(String, Option<String>)>,
     /// Known values of one log, by its index (`--set FILE:name=value`).
     pub of_log: Vec<(usize, String, f64)>,
     /// Standard deviations of sensors (`--sensor`): `CHANNEL.gain_std`, `.bias_std`, `.delay_std`.
@@ -82,6 +85,10 @@ impl FitRequest {
         }
         if let Some(name) = self.per_log.iter().find(|name| targets.iter().all(|target| target.name != **name)) {
             return Err(unknown(name, "--per-log", targets));
+        }
+        let named = |name: &String| targets.iter().any(|target| target.name == *name);
+        if let Some((name, _)) = self.varies.iter().find(|(name, _)| !named(name)) {
+            return Err(unknown(name, "--varies", targets));
         }
         let fittable = |name: &str| targets.iter().any(|target| target.name == *name && !target.contested);
         // Who asks by name to fit what was given gives a value to start from.
