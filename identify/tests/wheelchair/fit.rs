@@ -78,7 +78,8 @@ fn the_reference_log_gives_the_reference_estimate() {
         println!("{}: {:.5}, reference {:.5}, truth {:.5}", names[k], found[k], rows[1][k], rows[0][k]);
         assert_close(&format!("{} against the truth", names[k]), found[k], rows[0][k], bound, 0.0);
     }
-    // The reference smooths the sign of the speed over 0.03 m/s and lets half of a moment act before its sample.
+    // The reference smooths the sign of the speed over 0.03 m/s, its signals once, and lets half of a moment act before
+    // its sample: within the specification's half a per cent.
     let settings = vec![("rolling.smoothing_speed".to_owned(), 0.03)];
     let mut log = reference_log();
     let moment = &mut log.channels.iter_mut().find(|channel| channel.name == "drive_moment").unwrap().values;
@@ -87,7 +88,7 @@ fn the_reference_log_gives_the_reference_estimate() {
     }
     let same = products(&run(&[log], &FitRequest { settings, ..FitRequest::default() }));
     for k in 0..7 {
-        assert_close(&format!("{} against the reference", names[k]), same[k], rows[1][k], 1e-3, 0.0);
+        assert_close(&format!("{} against the reference", names[k]), same[k], rows[1][k], 5e-3, 0.0);
     }
     // This log has no biases.
     assert_close("accel_x_bias", value(&report, "initial.accel_x_bias"), 0.0, 0.0, 0.01);
@@ -133,7 +134,7 @@ fn exact_sensors_give_the_truth_at_every_rate() {
         let exact = ["noise.encoder", "noise.gyro", "noise.accel", "plant.encoder_counts"].map(|name| (name, 0.0));
         let settings: Vec<(&str, f64)> = exact.into_iter().chain([("sample_period", period)]).collect();
         let report = run(&[simulated("identification", 1, &settings)], &FitRequest::default());
-        for ((name, truth), bound) in TRUTH.into_iter().zip([1e-4, 1e-3, 1e-3, 2e-3, 3e-3, 3e-3, 2e-3]) {
+        for ((name, truth), bound) in TRUTH.into_iter().zip([2e-5, 2.5e-4, 2e-4, 2e-4, 2e-4, 2e-4, 2e-3]) {
             assert_close(&format!("{name} at {period} s"), value(&report, name), truth, bound, 0.0);
         }
     }

@@ -12,11 +12,13 @@
 //! `c1 = -M b_ax`, `c2 = -ML b_ay`. Each is multiplied with a modulating function and integrated by parts; no signal is
 //! differentiated but the smoothed ones in `sgn` and `r^2`.
 //!
-//! A drive command acts from its sample to the next one, as in the estimator. The yaw acceleration comes from the
-//! encoders and is the mean over that time, so the moment is integrated as a held signal: as a sampled one it would
-//! be early by half a sample and `IP` too large by half a sample of `B` and `tauc`. The accelerometer shows what acts
-//! at its own instant, and so does the force beside it: sums of both agree as they are. What is left of the moment's
-//! steps in the accelerometer, `dx r'`, moves `IP` by the share `ML dx / IP` of that half sample.
+//! A drive command acts from its sample to the next one, as in the estimator, and the accelerations step with it. The
+//! encoders show their mean over that time, and the moment beside them is integrated as a held signal: as a sampled one
+//! it would be early by half a sample and `IP` too large by half a sample of `B` and `tauc`. The accelerometer shows
+//! what acts at its own instant, and so does the force beside it; there the encoders' accelerations are taken to those
+//! instants, `sum psi r' - int psi r' dt = (sum psi u_r - int psi u_r dt)/(IP + irot)`, and `v'` by the force alike:
+//! what does not step has the same sum and integral to fourth order. That needs the inertias only to first order: those
+//! that are known beforehand serve.
 
 use super::signals::Signals;
 use crate::problem::noise::{Part, noise_of, tell_noise};
@@ -79,18 +81,32 @@ impl Windows {
         self.signals.start + self.signals.period * (start as f64 + 0.5 * (self.psi.len() - 1) as f64)
     }
 
+    /// What the steps of a command add to the sum over its samples beyond its integral.
+    fn steps(&self, start: usize, command: &[f64]) -> f64 {
+        self.psi.integral(0, start, |i| command[i]) - self.psi.held_integral(start, |i| command[i])
+    }
+
+    /// `sum psi r'` over the accelerometer's instants, rad/s.
+    fn turning(&self, chair: &Chair, start: usize, mean: f64) -> f64 {
+        let body = &chair.body;
+        let inertia = body.yaw_inertia + body.mass * body.com_ahead.powi(2) + chair.rotating_inertia;
+        mean + self.steps(start, &self.signals.moment) / inertia
+    }
+
     /// Force balance of a window, N s.
     pub fn force(&self, chair: &Chair, start: usize) -> Row {
         let (s, [dx, dy, _]) = (&self.signals, chair.lever());
         let int = |order: usize, x: &dyn Fn(usize) -> f64| self.psi.integral(order, start, x);
         let r_squared = int(0, &|i| s.yaw_rate[i] * s.yaw_rate[i]);
         let mut row = [0.0; UNKNOWNS];
-        row[M] = int(0, &|i| s.ahead[i]) + dy * int(2, &|i| s.heading[i]) + dx * r_squared;
+        let turning = self.turning(chair, start, int(2, &|i| s.heading[i]));
+        row[M] = int(0, &|i| s.ahead[i]) + dy * turning + dx * r_squared;
         row[D] = -int(1, &|i| s.travel[i]);
         row[FC] = int(0, &|i| s.sense[0][i]);
         row[ML] = -r_squared;
         row[C1] = int(0, &|_| 1.0);
-        (row, int(0, &|i| s.force[i]) - chair.rotating_mass * int(2, &|i| s.travel[i]))
+        let rate = int(2, &|i| s.travel[i]) + self.steps(start, &s.force) / (chair.body.mass + chair.rotating_mass);
+        (row, int(0, &|i| s.force[i]) - chair.rotating_mass * rate)
     }
 
     /// Moment balance of a window, N m s.
@@ -102,7 +118,8 @@ impl Windows {
         row[IP] = turning;
         row[B] = -int(1, &|i| s.heading[i]);
         row[TAUC] = int(0, &|i| s.sense[1][i]);
-        row[ML] = int(0, &|i| s.left[i]) - dx * turning + dy * int(0, &|i| s.yaw_rate[i] * s.yaw_rate[i]);
+        row[ML] = int(0, &|i| s.left[i]) - dx * self.turning(chair, start, turning)
+            + dy * int(0, &|i| s.yaw_rate[i] * s.yaw_rate[i]);
         row[C2] = int(0, &|_| 1.0);
         (row, self.psi.held_integral(start, |i| s.moment[i]) - chair.rotating_inertia * turning)
     }
