@@ -43,6 +43,7 @@ struct ParameterRow {
     value: String,
     unit: String,
     interval: String,
+    noise: String,
     t: String,
     truth: String,
     verdict: &'static str,
@@ -70,9 +71,10 @@ struct TracePlots {
 /// The page's text.
 pub fn html(report: &FitReport) -> Result<String, HtmlError> {
     let rows = report.parameters.iter().map(|(name, parameter)| {
-        let [name, value, unit, interval, t, truth, _] = table::row(name, parameter, report.references.get(name));
+        let [name, value, unit, interval, noise, t, truth, _] =
+            table::row(name, parameter, report.references.get(name));
         let verdict = parameter.verdict.words();
-        ParameterRow { name, value, unit, interval, t, truth, verdict, class: verdict.replace(' ', "-") }
+        ParameterRow { name, value, unit, interval, noise, t, truth, verdict, class: verdict.replace(' ', "-") }
     });
     let percent = |value: f64| if value.is_finite() { format!("{value:.1} %") } else { "-".to_owned() };
     let signals = report.validation.signals.iter().map(|signal| SignalRow {

@@ -43,11 +43,11 @@ pub fn start_values(report: &FitReport) -> Option<String> {
 }
 
 fn parameters(report: &FitReport, text: &mut String) {
-    let head = ["parameter", "value", "unit", "95 % interval", "t", "truth", "verdict"].map(str::to_owned);
+    let head = ["parameter", "value", "unit", "95 % interval", "by noise", "t", "truth", "verdict"].map(str::to_owned);
     let rows = report.parameters.iter().map(|(name, p)| row(name, p, report.references.get(name)));
-    let rows: Vec<[String; 7]> = std::iter::once(head).chain(rows).collect();
+    let rows: Vec<[String; 8]> = std::iter::once(head).chain(rows).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-    let widths: [usize; 7] = std::array::from_fn(width);
+    let widths: [usize; 8] = std::array::from_fn(width);
     for row in &rows {
         let mut line = String::new();
         for (column, cell) in row.iter().enumerate() {
@@ -57,7 +57,7 @@ fn parameters(report: &FitReport, text: &mut String) {
             let fill = " ".repeat(widths[column] - cell.chars().count());
             // Numbers end at the same column, words begin at the same column.
             let (before, after) =
-                if matches!(column, 1 | 3 | 4 | TRUTH) { (fill, String::new()) } else { (String::new(), fill) };
+                if matches!(column, 1 | 3 | 4 | 5 | TRUTH) { (fill, String::new()) } else { (String::new(), fill) };
             let _ = write!(line, "{before}{cell}{after}  ");
         }
         let _ = writeln!(text, "{}", line.trim_end());
@@ -65,10 +65,10 @@ fn parameters(report: &FitReport, text: &mut String) {
 }
 
 /// Column of the true values, left out if there are none.
-const TRUTH: usize = 5;
+const TRUTH: usize = 6;
 
-/// Name, value, unit, interval, t-ratio, true value and verdict of a parameter.
-pub(super) fn row(name: &str, p: &Parameter, truth: Option<&f64>) -> [String; 7] {
+/// Name, value, unit, interval, its half width by noise alone, t-ratio, true value and verdict of a parameter.
+pub(super) fn row(name: &str, p: &Parameter, truth: Option<&f64>) -> [String; 8] {
     let decimals = decimals(p);
     let interval = if p.ci95.iter().all(|end| end.is_finite()) {
         format!("[{}, {}]", number(p.ci95[0], decimals), number(p.ci95[1], decimals))
@@ -83,7 +83,18 @@ pub(super) fn row(name: &str, p: &Parameter, truth: Option<&f64>) -> [String; 7]
     };
     let unit = if p.unit == "1" { "" } else { &p.unit };
     let truth = truth.map_or(String::new(), |truth| number(*truth, decimals));
-    [name.to_owned(), number(p.value, decimals), unit.to_owned(), interval, t, truth, p.verdict.words().to_owned()]
+    let half = 1.96 * p.sampling_std;
+    let noise = if half > 0.0 { format!("+-{}", significant(half, 2)) } else { "-".to_owned() };
+    [
+        name.to_owned(),
+        number(p.value, decimals),
+        unit.to_owned(),
+        interval,
+        noise,
+        t,
+        truth,
+        p.verdict.words().to_owned(),
+    ]
 }
 
 fn quality(report: &FitReport, text: &mut String) {

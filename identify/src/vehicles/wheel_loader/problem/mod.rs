@@ -13,14 +13,13 @@
 //! `K` and drives `h` to its bound, however long the log is. The rows are therefore solved by
 //! instrumental variables: the slip that the torque would cause stands in for the measured one.
 //! An error of a radius adds a constant to the slip; it is estimated along, `eta_i = K d ln r_i`, with
-//! the radius as given as its prior, so that the height's interval contains the radii's. Only the ratio of the radius
-//! to the gain of the speed shows in the slip: the prior allows for both, and a radius is that by which this sensor
-//! measures. Stage 0 only tells about which radii to linearise: its samples are among those of stage 2.
+//! what stage 0 knows as its prior, so that the height's interval contains the radii's.
 //!
 //! A speed that is late by `tau` adds `-tau v'` to the slip, which is `v a/(g K)`: ten milliseconds are as much as the
-//! whole slip at 2 m/s. Each log's `tau` against its wheel speeds is estimated along, too, `K tau`, with the delay that a
-//! good sensor may have as its prior (`--sensor speed.delay_std`); a delay that the log shows to be larger
-//! widens its own prior. The samples are shifted by what was found before the next linearisation.
+//! whole slip at 2 m/s. And only the ratio of a radius to the gain of the speed shows in it. Stage 2 is therefore solved
+//! with both open first: each log's `K tau` with the delay that a good sensor may have as its prior
+//! (`--sensor speed.delay_std`), which a delay that the log shows to be larger widens, and the radii as given with the
+//! gain's standard deviation. Where that does not tell the delay, delay and gain are considered as for any other sensor.
 
 mod sample;
 
@@ -69,6 +68,8 @@ const SHARED: usize = 5;
 const FIXED: f64 = 1e-7;
 /// Given radii are kept if the log moves none of them by more than so many standard errors.
 const KEEP: f64 = 2.0;
+/// Largest standard error of a delay that the log tells, as a share of what is known beforehand.
+const TOLD: f64 = 0.5;
 /// Relative standard error beyond which an unknown counts as unobservable.
 const UNOBSERVABLE: f64 = 0.25;
 /// Largest relative standard error of an identified unknown with all that is considered. The estimator starts from the
@@ -92,15 +93,14 @@ fn targets(_: &[Log]) -> Vec<Target> {
 
 fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     let mut machine = Machine::new(task.known, task.logs.len());
-    let sensor = task.quality("speed");
-    machine.late_std = sensor.delay;
     let logs = task.logs.iter().map(|log| Run::new(log, &machine)).collect::<Result<Vec<_>, _>>()?;
-    let given = machine.radius;
-    let mut radii = Radii { given, std: [sensor.gain.max(FIXED); 2] };
+    let given = machine.clone();
+    let mut radii = Radii { given: given.radius, std: [FIXED; 2] };
     for axle in 0..2 {
         if task.wants(RADII[axle]) {
-            radii.std[axle] = machine.radius_std.hypot(sensor.gain);
-            if let Some(radius) = coasting_radius(&logs, &machine, axle, session)? {
+            radii.std[axle] = machine.radius_std;
+            if let Some((radius, std)) = coasting_radius(&logs, &machine, axle, session)? {
+                (radii.given[axle], radii.std[axle]) = (radius, std / radius);
                 machine.radius[axle] = radius;
             } else {
                 session.note(format!("no coasting samples: {} stays within its initial.wheel_radius_std", RADII[axle]));
@@ -118,49 +118,16 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
         return Ok(());
     }
     let names: Vec<&str> = [STIFFNESS, RATIO, HEIGHT].into_iter().chain(WIDTHS.iter().map(|(_, w)| *w)).collect();
-    let start = Machine::new(task.known, task.logs.len()).unknowns;
     let stage = Slip { logs: &logs, names: &names, stride: if task.coarse { COARSE } else { 1 } };
-    let Some(mut fit) = stage.fit(&mut machine, &radii, None, session)? else { return Ok(()) };
-    record(fit, [0.0; 3], session);
-    let known = relatively_known(HEIGHT, session);
-    let height_known = session.decide("initial.cg_height is seen", known);
-    if !height_known {
-        // At constant torque height and ratio are one unknown, and so are the radii and the slip stiffness: what is
-        // given of height and radii, as uncertain as it is said to be, leaves a ratio that can be used.
-        (machine.unknowns, machine.late) = (start, vec![0.0; logs.len()]);
-        let height = (start[2], task.known.get("initial.cg_height_std"));
-        let Some(again) = stage.fit(&mut machine, &radii, Some(height), session)? else { return Ok(()) };
-        fit = again;
-        session.estimate_judged(STIFFNESS, fit, judged(0.0), |x| x[0]);
-        session.estimate_judged(RATIO, fit, judged(0.0), |x| x[1] / x[0]);
-        session.note("initial.cg_height is not seen in the log; initial.cg_ratio relies on its given value");
-    }
-    if machine.late_std > 0.0 {
-        for (index, log) in task.logs.iter().enumerate() {
-            let late = machine.late[index];
-            session.delay(&log.source, "speed", "wheel speeds", fit, move |x| late + x[SHARED + index] / x[0]);
+    let fit = match with_delay(task, &stage, machine.clone(), given.radius, session)? {
+        Some((fit, machine)) => {
+            record(fit, [0.0; 3], session);
+            settle_radii(task, &stage, machine, &given, fit, session)?;
+            Some(fit)
         }
-    }
-    // With another gain of the speed, say, the radii would be others and would not be kept.
-    let mut kept = height_known && !task.coarse;
-    for axle in 0..2 {
-        if !task.wants(RADII[axle]) {
-            kept = false;
-            continue;
-        }
-        let radius = machine.radius[axle];
-        session.estimate_judged(RADII[axle], fit, radius_limits(0.0), move |x| radius * (1.0 + x[3 + axle] / x[0]));
-        let (value, std) = (session.value(RADII[axle]), session.std_error(RADII[axle]));
-        let Some((value, std)) = value.zip(std) else { continue };
-        kept &= (value - given[axle]).abs() < KEEP * std;
-        if !height_known || std > 0.5 * radii.std[axle] * radius {
-            kept = false;
-            session.retract(RADII[axle], "neither coasting nor changing torque shows it");
-        }
-    }
-    if kept {
-        keep_given_radii(&stage, machine, given, session)?;
-    }
+        None => without_delay(task, &stage, machine, &given, &radii, session)?,
+    };
+    let Some(fit) = fit else { return Ok(()) };
     for (name, width) in WIDTHS {
         let (Some(value), Some(std)) = (session.value(name), session.std_error(name)) else { continue };
         if std <= UNOBSERVABLE * value.abs() {
@@ -170,6 +137,84 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
         }
     }
     Ok(())
+}
+
+/// Stage 2 with delay and gain of the speed open, and about what it is linearised. None if the logs do not tell the delay.
+fn with_delay(
+    task: &Task,
+    stage: &Slip,
+    mut machine: Machine,
+    given: [f64; 2],
+    session: &mut Session,
+) -> Result<Option<(Fitted, Machine)>, FitError> {
+    let sensor = task.quality("speed");
+    if sensor.delay <= 0.0 {
+        return Ok(None);
+    }
+    machine.late_std = sensor.delay;
+    let radius_std = |axle: usize| if task.wants(RADII[axle]) { machine.radius_std } else { 0.0 };
+    let radii = Radii { given, std: [0, 1].map(|axle| radius_std(axle).hypot(sensor.gain).max(FIXED)) };
+    let Some(fit) = stage.fit(&mut machine, &radii, None, session)? else { return Ok(None) };
+    let (solution, late) = (session.solution(fit), &machine.late);
+    let told = solution.std(0) < UNOBSERVABLE * solution.theta[0]
+        && (0..late.len()).all(|index| solution.std(SHARED + index) < TOLD * sensor.delay * solution.theta[0]);
+    let about: Vec<f64> = late.iter().zip(&solution.theta[SHARED..]).map(|(l, x)| l - x / solution.theta[0]).collect();
+    if !session.decide("the delay of the speed is told", told) {
+        return Ok(None);
+    }
+    for (index, log) in task.logs.iter().enumerate() {
+        let about = about[index];
+        session.delay(&log.source, "speed", "wheel speeds", fit, move |x| about + x[SHARED + index] / x[0]);
+    }
+    Ok(Some((fit, machine)))
+}
+
+/// Stage 2 with the speed in time, and with the height as given if it is not seen.
+fn without_delay(
+    task: &Task,
+    stage: &Slip,
+    mut machine: Machine,
+    given: &Machine,
+    radii: &Radii,
+    session: &mut Session,
+) -> Result<Option<Fitted>, FitError> {
+    let start = machine.clone();
+    let Some(fit) = stage.fit(&mut machine, radii, None, session)? else { return Ok(None) };
+    record(fit, [0.0; 3], session);
+    let known = relatively_known(HEIGHT, session);
+    if !session.decide("initial.cg_height is seen", known) {
+        return without_height(task, stage, start, given, radii.std, session);
+    }
+    settle_radii(task, stage, machine, given, fit, session)?;
+    Ok(Some(fit))
+}
+
+/// Records the radii that stage 2 found, or keeps the given ones if they agree with them.
+fn settle_radii(
+    task: &Task,
+    stage: &Slip,
+    machine: Machine,
+    given: &Machine,
+    fit: Fitted,
+    session: &mut Session,
+) -> Result<(), FitError> {
+    // With another gain of the speed, say, the radii would be others and would not be kept.
+    let mut kept = !task.coarse;
+    for axle in 0..2 {
+        let (radius, solution) = (machine.radius[axle], session.solution(fit));
+        let std = radius * solution.std(3 + axle) / solution.theta[0];
+        let found = move |x: &[f64]| radius * (1.0 + x[3 + axle] / x[0]);
+        kept &= (found(&solution.theta) - given.radius[axle]).abs() < KEEP * std;
+        if !task.wants(RADII[axle]) {
+            continue;
+        }
+        session.estimate_judged(RADII[axle], fit, radius_limits(0.0), found);
+        if std > 0.5 * machine.radius_std * radius {
+            kept = false;
+            session.retract(RADII[axle], "neither coasting nor changing torque shows it");
+        }
+    }
+    if kept { keep_given_radii(stage, machine, given.radius, session) } else { Ok(()) }
 }
 
 fn relatively_known(name: &str, session: &Session) -> bool {
@@ -229,6 +274,42 @@ fn record(fit: Fitted, extra_std: [f64; 3], session: &mut Session) {
     session.estimate_judged(HEIGHT, fit, judged(extra_std[2]), |x| x[2] / x[0]);
 }
 
+/// At constant torque height and ratio are one unknown, and so are the radii and the slip stiffness:
+/// the given height, as uncertain as it is said to be, and the radii as they are leave a ratio that
+/// can be used. What the radii's uncertainty does to it is found by moving them.
+fn without_height(
+    task: &Task,
+    stage: &Slip,
+    start: Machine,
+    given: &Machine,
+    radius_std: [f64; 2],
+    session: &mut Session,
+) -> Result<Option<Fitted>, FitError> {
+    let height = Some((given.unknowns[2], task.known.get("initial.cg_height_std")));
+    let fixed = |machine: &Machine| Radii { given: machine.radius, std: [FIXED; 2] };
+    let mut machine = start.clone();
+    let Some(fit) = stage.fit(&mut machine, &fixed(&start), height, session)? else { return Ok(None) };
+    let mut variance = [0.0; 2];
+    // Where only differences between fits are looked for, nobody asks how certain they are.
+    for (axle, std) in radius_std.into_iter().enumerate().filter(|_| !task.coarse) {
+        let mut moved = start.clone();
+        moved.radius[axle] *= 1.0 + std;
+        let radii = fixed(&moved);
+        if stage.fit(&mut moved, &radii, height, session)?.is_some() {
+            for (sum, (a, b)) in variance.iter_mut().zip(moved.unknowns.iter().zip(machine.unknowns)) {
+                *sum += (a - b).powi(2);
+            }
+        }
+    }
+    session.estimate_judged(STIFFNESS, fit, judged(variance[0].sqrt()), |x| x[0]);
+    session.estimate_judged(RATIO, fit, judged(variance[1].sqrt()), |x| x[1] / x[0]);
+    session.note("initial.cg_height is not seen in the log; initial.cg_ratio relies on its given value");
+    RADII.iter().filter(|name| task.wants(name)).for_each(|name| {
+        session.retract(name, "neither coasting nor changing torque shows it");
+    });
+    Ok(Some(fit))
+}
+
 /// The log does not contradict the given radii, which were measured better than half a minute of
 /// driving can: they stay, and so does the uncertainty that the log alone would leave.
 fn keep_given_radii(
@@ -252,13 +333,13 @@ fn keep_given_radii(
     Ok(())
 }
 
-/// Stage 0: the radius of an axle, or nothing if the machine never coasts.
+/// Stage 0: the radius of an axle and its standard error, or nothing if the machine never coasts.
 fn coasting_radius(
     logs: &[Run],
     machine: &Machine,
     axle: usize,
     session: &mut Session,
-) -> Result<Option<f64>, FitError> {
+) -> Result<Option<(f64, f64)>, FitError> {
     let mut rows = Rows::new("coasting", "m/s", 1);
     let mut first = 0;
     let mut time = 0.0;
@@ -288,7 +369,8 @@ fn coasting_radius(
         constraints: Vec::new(),
     };
     let Some(fit) = session.solve(&regression, &[])? else { return Ok(None) };
-    Ok(Some(session.solution(fit).theta[0]))
+    let solution = session.solution(fit);
+    Ok(Some((solution.theta[0], solution.std(0))))
 }
 
 /// Stage 1: impulse balance over windows.
