@@ -249,6 +249,7 @@ def fit(
     exact: bool = False,
     only: Sequence[str] = (),
     per_log: Sequence[str] = (),
+    varies: Mapping[str, str | None] | None = None,
     held_out: Logs = (),
     span: tuple[float, float] | None = None,
     exclude: Sequence[tuple[float, float]] = (),
@@ -264,7 +265,8 @@ def fit(
 
     `logs` are logs, files or tables; `columns` is the column map for files and tables. `set` holds values, `set_of_log`
     those of single logs by their index, `prior` has value and standard deviation, `bound` the ends of a range, `sensor`
-    standard deviations as `{"drive_force.gain_std": 0.005}`, `span` and `exclude` times in s. Logs that nothing can be
+    standard deviations as `{"drive_force.gain_std": 0.005}`, `varies` the channel that a parameter follows from log to log
+    or None, `span` and `exclude` times in s. Logs that nothing can be
     fitted to raise `Refused`, whose `fit` holds what was read and what is wrong.
     """
     read_logs = read_all(logs, columns, machine, progress)
@@ -280,6 +282,7 @@ def fit(
         "sensors": texts(sensor),
         "only": list(only),
         "per_log": list(per_log),
+        "varies": list((varies or {}).items()),
         "allow": list(allow),
         "loss": loss,
         "exact": exact,
