@@ -48,7 +48,7 @@ enum Command {
     /// Look for wrong units, signs, delays and dead channels in logs before anything is fitted to them.
     Check(check::CheckArgs),
     /// Fit physical parameters from logs by convex optimisation.
-    Fit(fit::FitArgs),
+    Fit(Box<fit::FitArgs>),
     /// Tune the filter's noise settings by replaying logs.
     Tune(tune::TuneArgs),
     /// Run an estimator over logs at native speed: estimates, innovations, verdicts.

@@ -96,14 +96,14 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     let logs = task.logs.iter().map(|log| Run::new(log, &machine)).collect::<Result<Vec<_>, _>>()?;
     let given = machine.clone();
     let mut radii = Radii { given: given.radius, std: [FIXED; 2] };
-    for axle in 0..2 {
-        if task.wants(RADII[axle]) {
+    for (axle, name) in RADII.into_iter().enumerate() {
+        if task.wants(name) {
             radii.std[axle] = machine.radius_std;
             if let Some((radius, std)) = coasting_radius(&logs, &machine, axle, session)? {
                 (radii.given[axle], radii.std[axle]) = (radius, std / radius);
                 machine.radius[axle] = radius;
             } else {
-                session.note(format!("no coasting samples: {} stays within its initial.wheel_radius_std", RADII[axle]));
+                session.note(format!("no coasting samples: {name} stays within its initial.wheel_radius_std"));
             }
         }
     }
