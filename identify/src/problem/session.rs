@@ -217,6 +217,14 @@ impl<'a> Session<'a> {
         (value, gradient.collect())
     }
 
+    /// Widens an estimate's standard error to at least this, as a systematic one.
+    pub fn widen(&mut self, name: &str, std: f64) {
+        let Some(index) = self.estimates.iter().position(|estimate| estimate.name == name) else { return };
+        let missing = (std * std - self.error_of(&self.estimates[index]).powi(2)).max(0.0).sqrt();
+        let judgement = &mut self.estimates[index].judgement;
+        judgement.systematic_std = judgement.systematic_std.hypot(missing);
+    }
+
     /// Reports a parameter as not identifiable, with the reason, unless it has been estimated.
     pub fn give_up(&mut self, name: &str, reason: &str) {
         if self.estimates.iter().all(|estimate| estimate.name != name) {

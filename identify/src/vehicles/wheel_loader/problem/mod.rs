@@ -19,7 +19,9 @@
 //! whole slip at 2 m/s. And only the ratio of a radius to the gain of the speed shows in it. Stage 2 is therefore solved
 //! with both open first: each log's `K tau` with the delay that a good sensor may have as its prior
 //! (`--sensor speed.delay_std`), which a delay that the log shows to be larger widens, and the radii as given with the
-//! gain's standard deviation. Where that does not tell the delay, delay and gain are considered as for any other sensor.
+//! gain's standard deviation. Where that shows a delay, it is the answer. Where it shows none, the answer is that without a
+//! delay and with the radii of stage 0, which is more accurate if there is none, but its standard errors hold any delay
+//! that would not have shown. Where it does not tell the delay, delay and gain are considered as for any other sensor.
 
 mod sample;
 
@@ -70,6 +72,8 @@ const FIXED: f64 = 1e-7;
 const KEEP: f64 = 2.0;
 /// Largest standard error of a delay that the log tells, as a share of what is known beforehand.
 const TOLD: f64 = 0.5;
+/// Standard errors from which on a log shows a delay.
+const SHOWS: f64 = 1.5;
 /// Relative standard error beyond which an unknown counts as unobservable.
 const UNOBSERVABLE: f64 = 0.25;
 /// Largest relative standard error of an identified unknown with all that is considered. The estimator starts from the
@@ -119,11 +123,22 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     }
     let names: Vec<&str> = [STIFFNESS, RATIO, HEIGHT].into_iter().chain(WIDTHS.iter().map(|(_, w)| *w)).collect();
     let stage = Slip { logs: &logs, names: &names, stride: if task.coarse { COARSE } else { 1 } };
-    let fit = match with_delay(task, &stage, machine.clone(), given.radius, session)? {
-        Some((fit, machine)) => {
+    let open = with_delay(task, &stage, machine.clone(), given.radius, session)?;
+    let fit = match open {
+        Some(Open { fit, machine, shown }) if task.coarse || shown => {
             record(fit, [0.0; 3], session);
             settle_radii(task, &stage, machine, &given, fit, session)?;
             Some(fit)
+        }
+        Some(Open { fit, .. }) => {
+            record(fit, [0.0; 3], session);
+            let names = [STIFFNESS, RATIO, HEIGHT];
+            let stds = names.map(|name| session.std_error(name).unwrap_or(0.0));
+            let fit = without_delay(task, &stage, machine, &given, &radii, session)?;
+            // Any delay that would not show may be there, as well as the noise that the open fit has.
+            let wider = 1.0_f64.hypot(SHOWS / 3.0_f64.sqrt());
+            names.into_iter().zip(stds).for_each(|(name, std)| session.widen(name, wider * std));
+            fit
         }
         None => without_delay(task, &stage, machine, &given, &radii, session)?,
     };
@@ -139,14 +154,23 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     Ok(())
 }
 
-/// Stage 2 with delay and gain of the speed open, and about what it is linearised. None if the logs do not tell the delay.
+/// Stage 2 with delay and gain of the speed open.
+struct Open {
+    fit: Fitted,
+    /// About what it is linearised.
+    machine: Machine,
+    /// Whether a log shows a delay.
+    shown: bool,
+}
+
+/// Stage 2 with delay and gain of the speed open; none if the logs do not tell the delay.
 fn with_delay(
     task: &Task,
     stage: &Slip,
     mut machine: Machine,
     given: [f64; 2],
     session: &mut Session,
-) -> Result<Option<(Fitted, Machine)>, FitError> {
+) -> Result<Option<Open>, FitError> {
     let sensor = task.quality("speed");
     if sensor.delay <= 0.0 {
         return Ok(None);
@@ -158,6 +182,8 @@ fn with_delay(
     let (solution, late) = (session.solution(fit), &machine.late);
     let told = solution.std(0) < UNOBSERVABLE * solution.theta[0]
         && (0..late.len()).all(|index| solution.std(SHARED + index) < TOLD * sensor.delay * solution.theta[0]);
+    let std = |index: usize| solution.std(SHARED + index) / solution.theta[0];
+    let shown = (0..late.len()).any(|index| late[index].abs() > SHOWS * std(index));
     let about: Vec<f64> = late.iter().zip(&solution.theta[SHARED..]).map(|(l, x)| l - x / solution.theta[0]).collect();
     if !session.decide("the delay of the speed is told", told) {
         return Ok(None);
@@ -166,7 +192,7 @@ fn with_delay(
         let about = about[index];
         session.delay(&log.source, "speed", "wheel speeds", fit, move |x| about + x[SHARED + index] / x[0]);
     }
-    Ok(Some((fit, machine)))
+    Ok(Some(Open { fit, machine, shown }))
 }
 
 /// Stage 2 with the speed in time, and with the height as given if it is not seen.
