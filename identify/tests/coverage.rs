@@ -92,7 +92,7 @@ fn belongs(channel: &str, device: &[&str]) -> bool {
         Some(stem) => channel.starts_with(stem),
         None => channel == *pattern,
     };
-    device.iter().any(|pattern| fits(pattern))
+    device.iter().any(fits)
 }
 
 fn loader(log: &Log) -> BTreeMap<String, f64> {
