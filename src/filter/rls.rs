@@ -263,6 +263,11 @@ impl<const D: usize> Rls<D> {
         self.covariance * self.noise.effective_variance() + systematic
     }
 
+    /// Variance of the residual times the number of samples that repeat the same information.
+    pub fn effective_variance(&self) -> f64 {
+        self.noise.effective_variance()
+    }
+
     /// Whether the numbers, which are finite, can have come from [`correct`](Self::correct).
     pub fn is_valid(&self) -> bool {
         self.covariance > 0.0 && self.forgetting > 0.0 && self.noise.weight > 0.0 && self.noise.power >= 0.0

@@ -90,9 +90,15 @@ fn offline(trip: &Trip) -> (f64, f64) {
 
 /// Runs the estimator over a trip; the last outputs and the total mass at every sample.
 fn online(trip: &Trip, p: &Parameters) -> (Outputs, Vec<f64>) {
+    let mut totals = Vec::new();
+    let last = follow(trip, p, |outputs| totals.push(p.robot.mass + outputs.load_mass.value));
+    (last, totals)
+}
+
+/// Runs the estimator over a trip and returns the last outputs.
+fn follow(trip: &Trip, p: &Parameters, mut each: impl FnMut(&Outputs)) -> Outputs {
     let mut estimator = NursingRobot::new(p).unwrap();
     let mut outputs = Outputs::default();
-    let mut totals = Vec::new();
     for i in 0..trip.speed.len() {
         let inputs = Inputs {
             torque_left: trip.torque[i],
@@ -104,9 +110,38 @@ fn online(trip: &Trip, p: &Parameters) -> (Outputs, Vec<f64>) {
         };
         estimator.step(&inputs, PERIOD);
         estimator.outputs(&inputs, 0.0, &mut outputs);
-        totals.push(p.robot.mass + outputs.load_mass.value);
+        each(&outputs);
     }
-    (outputs, totals)
+    outputs
+}
+
+/// As a new user begins: the published constants of the car, its rolling coefficient fitted or left at its default, which is
+/// twice that of a car.
+#[test]
+fn the_mass_of_a_car_is_within_its_standard_deviation_all_the_way() {
+    let Some(trips) = trips() else { return };
+    for (what, known) in [("fitted", true), ("default", false)] {
+        let (mut errors, mut counts) = (Vec::new(), [0; 3]);
+        for trip in &trips {
+            let (mass, rolling) = offline(trip);
+            let p = car(if known { rolling } else { Parameters::default().rolling.coefficient });
+            follow(trip, &p, |out| {
+                let error = (p.robot.mass + out.load_mass.value - mass).abs();
+                errors.push(error / mass);
+                counts[0] += usize::from(error < 2.0 * out.load_mass.std);
+                counts[1] += usize::from(out.diagnostics.healthy);
+                counts[2] += usize::from(out.diagnostics.healthy && error > 3.0 * out.load_mass.std);
+            });
+        }
+        let [within, healthy, wrong] = counts.map(|count: usize| count as f64 / errors.len() as f64);
+        let error = 100.0 * median(&errors);
+        println!(
+            "rolling {what}: {error:.1} %, within 2 std {within:.3}, healthy {healthy:.3}, and beyond 3 std {wrong:.4}"
+        );
+        if known {
+            assert!(error < 2.0 && within > 0.9 && wrong <= 0.01, "{error} {within} {wrong}");
+        }
+    }
 }
 
 /// The ordinary trips carry one or two people, TripB33 about 200 kg more. The rolling coefficient of each

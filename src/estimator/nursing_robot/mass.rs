@@ -52,15 +52,15 @@ pub struct MassEstimator {
     /// If the load changes at long stops only: how much, kg.
     change_std: Option<f64>,
     block_time: f64,
-    uncertainty: [f64; 3],
+    uncertainty: [f64; 4],
     nominal: (f64, f64),
 }
 
 /// Everything that the steps change.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MassState {
-    /// The recursion; its disturbances are rolling resistance, drive force and sway force.
-    pub rls: Rls<3>,
+    /// The recursion; its disturbances are rolling resistance, drive force, sway force and the accelerometer's bias.
+    pub rls: Rls<4>,
     /// What the last step did.
     pub status: MassStatus,
     /// Regressor of the last step, m/s2.
@@ -79,12 +79,22 @@ pub struct MassState {
     at_bound_for: f64,
     /// Running means of regressor times innovation (the score) and of the squared regressor.
     score: [f64; 2],
+    /// Sums of the same that fade with [`CHANGE_TIME`].
+    lately: [f64; 2],
 }
 
 /// Time of updates at a bound after which the estimate is called implausible, s.
 const BOUND_TIME: f64 = 0.5;
 /// Share of what was known before a stop from which the estimate counts as one of that time.
 const OLD_SHARE: f64 = 0.1;
+/// Share of the stops in which another load comes.
+const EXCHANGED: f64 = 0.1;
+/// Time over which the samples are asked whether the load has changed, s: as short as the filtered noise lets it be.
+const CHANGE_TIME: f64 = 0.2;
+/// Odds that it has before they are asked.
+const CHANGE_ODDS: f64 = 0.02;
+/// Most that the logarithm of the odds may be: so certain is nothing.
+const MOST_LOG_ODDS: f64 = 100.0;
 /// How far beyond the bound the forces must point, as a share of the machine's mass.
 const BOUND_MARGIN: f64 = 0.05;
 
@@ -128,7 +138,7 @@ impl MassEstimator {
             stop_time: if at_stops { m.change_time } else { m.stop_time },
             change_std: at_stops.then_some(m.change_std),
             block_time: m.block_time,
-            uncertainty: [m.rolling_uncertainty, m.force_uncertainty, m.sway_uncertainty],
+            uncertainty: [m.rolling_uncertainty, m.force_uncertainty, m.sway_uncertainty, m.accel_x_bias_std],
             nominal: (p.human.nominal_mass, p.human.nominal_mass_std),
         }
     }
@@ -151,6 +161,7 @@ impl MassEstimator {
             blocked_for: 0.0,
             at_bound_for: 0.0,
             score: [0.0; 2],
+            lately: [0.0; 2],
         }
     }
 
@@ -178,6 +189,8 @@ impl MassEstimator {
             self.seed(state);
         }
         self.filter(state, dt);
+        let keep = (-dt / CHANGE_TIME).exp();
+        state.lately = state.lately.map(|sum| keep * sum);
         let moving = self.watch_stops(state, dt);
         state.blocked_for = if good { (state.blocked_for - dt).max(0.0) } else { self.block_time };
 
@@ -229,7 +242,8 @@ impl MassEstimator {
         let total = self.mass + state.rls.estimate;
         let resistance = total * self.rolling * state.sign.value;
         let sway = self.sway.map_or(0.0, |sway| state.rls.estimate * self.reaction(&sway, state));
-        let disturbances = [-resistance, state.force.value, sway];
+        let biased = if self.use_accelerometer { -total } else { 0.0 };
+        let disturbances = [-resistance, state.force.value, sway, biased];
         let verdict = state.rls.correct(&self.rls, state.regressor, state.measurement, &disturbances, dt);
         if verdict == Verdict::Rejected {
             state.blocked_for = self.block_time;
@@ -246,8 +260,10 @@ impl MassEstimator {
     /// An empty machine sits at the bound zero and is no cause for alarm; forces that ask for a mass far
     /// beyond the bound are. The score over the mean squared regressor is how far they ask beyond it, kg.
     fn watch_bound(&self, state: &mut MassState, dt: f64) {
-        let share = 1.0 - (-dt / BOUND_TIME).exp();
         let e = state.regressor;
+        state.lately[0] += e * state.rls.innovation;
+        state.lately[1] += e * e;
+        let share = 1.0 - (-dt / BOUND_TIME).exp();
         state.score[0] += share * (e * state.rls.innovation - state.score[0]);
         state.score[1] += share * (e * e - state.score[1]);
         let beyond = state.score[0].abs() > BOUND_MARGIN * self.mass * state.score[1];
@@ -305,7 +321,26 @@ impl MassEstimator {
             return 0.0;
         }
         let stopped = state.stopped_for >= self.stop_time;
-        if stopped { self.nominal.1 } else { self.old_share(state) * self.nominal.1 }
+        if stopped { EXCHANGED.sqrt() * self.nominal.1 } else { self.old_share(state) * self.nominal.1 }
+    }
+
+    /// How far the load may have changed in motion, as the innovations of the last [`CHANGE_TIME`] say, kg.
+    ///
+    /// Their score over the squared regressors is a load `c` off the estimate, known with the information `j` in units of the
+    /// noise. A change that has the variance `P` of the nominal mass explains it better than none by the odds
+    /// `exp(j c^2 k/2)/sqrt(1 + P j)`, `k = P j/(1 + P j)`; it is then `k c`, with the variance `P/(1 + P j)`.
+    fn change_in_motion(&self, state: &MassState) -> f64 {
+        let ([score, square], noise) = (state.lately, state.rls.effective_variance());
+        if self.change_std.is_some() || square <= 0.0 || noise <= 0.0 {
+            return 0.0;
+        }
+        let prior = self.nominal.1 * self.nominal.1;
+        // Squared weights fade twice as fast.
+        let (c, j) = (score / square, 2.0 * square / noise);
+        let certain = prior * j / (1.0 + prior * j);
+        let odds = CHANGE_ODDS * (0.5 * j * c * c * certain).min(MOST_LOG_ODDS).exp() / (1.0 + prior * j).sqrt();
+        let mean_square = (certain * c).powi(2) + prior / (1.0 + prior * j);
+        (mean_square * odds / (1.0 + odds)).sqrt()
     }
 
     /// Least squares keep the share `P/P_0` of what they knew when their covariance was `P_0`.
@@ -326,9 +361,7 @@ impl MassEstimator {
         }
         // An unknown mass between the bounds has no larger standard deviation than half their distance.
         let since = state.rls.variance(&self.uncertainty).sqrt();
-        // While the machine stands the estimate is that of the load that came; at the start it may be another.
-        let before = if self.change_std.is_some() { 0.0 } else { self.old_share(state) * self.nominal.1 };
-        since.hypot(before).min(0.5 * (high - low))
+        since.hypot(self.change_std(state)).hypot(self.change_in_motion(state)).min(0.5 * (high - low))
     }
 }
 

@@ -97,6 +97,8 @@ variables! {
         force_uncertainty: f64 = 0.01, "1", [0.0, 10.0], tunable;
         /// Relative standard deviation of the computed sway force, for load_mass_std.
         sway_uncertainty: f64 = 0.3, "1", [0.0, 10.0], tunable;
+        /// Standard deviation of a constant error of accel_x, such as a mounting that is not level, for load_mass_std; with mass.use_accelerometer.
+        accel_x_bias_std: f64 = 0.05, "m/s2", [0.0, 10.0], tunable;
     }
 }
 

@@ -73,7 +73,8 @@
 //!
 //! The slip stiffness is healthy and beyond 3 standard deviations for at most 1.4 % of these drives, with a rigid machine whose
 //! speed is 50 ms late (`tests/wheel_loader/speed_and_slope.rs`). A car that is driven in front only says little of its
-//! share, and is not healthy with radii that may be 0.3 % off.
+//! share, and is not healthy with radii that may be 0.3 % off. There is no recording of a real machine with axle torques and
+//! wheel speeds to hold this against.
 //!
 //! # Sources and errata
 //! Yang, Wang and Han, *A Novel Real-Time Center of Gravity Estimation Method for Wheel Loaders with
