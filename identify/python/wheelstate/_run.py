@@ -74,5 +74,6 @@ def run(
     """
     with Bar(progress) as tell:
         data = read(log, columns, machine=machine, progress=progress)
-        native, units, *rest = _native.run(machine, data._native, start(parameters), texts(set), clock, smooth, tell)
-    return Run(native, dict(units), *rest)
+        told = _native.run(machine, data._native, start(parameters), texts(set), clock, smooth, tell)
+    native, units, sample_period, notes, verdicts, page = told
+    return Run(native, dict(units), sample_period, notes, verdicts, page)
