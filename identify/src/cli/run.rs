@@ -89,7 +89,7 @@ pub(super) fn run(args: &RunArgs) -> Result<Outcome, Refusal> {
     let places = Places::new(args)?;
     let given = args.params.as_deref().map(|path| args.vehicle.read_parameters(path)).transpose()?.unwrap_or_default();
     for note in &given.notes {
-        eprintln!("identify: note: {note}");
+        eprintln!("{}: note: {note}", super::program());
     }
     let set = settings::numbers(args.vehicle, &args.settings)?;
     let parameters = given.values.into_iter().chain(set).collect();
