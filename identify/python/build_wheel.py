@@ -1,4 +1,4 @@
-"""Builds the wheel (PEP 517): first the FMUs that it carries, then maturin.
+"""Builds the wheel (PEP 517): first the FMUs and licences that it carries, then maturin.
 
 WHEELSTATE_FMUS names a folder of FMUs that are ready; without it the library is built and packed here. WHEELSTATE_LIBRARIES
 names a folder with libraries for several platforms, as `fmu/targets.sh` fills it. WHEELSTATE_EXTENSION names an extension
@@ -24,9 +24,44 @@ FMUS = PACKAGE / "fmus"
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     put_fmus()
+    (PACKAGE / "licenses.txt").write_text(licences(), encoding="utf-8")
     if "WHEELSTATE_EXTENSION" in os.environ:
         return put_together(Path(wheel_directory), Path(os.environ["WHEELSTATE_EXTENSION"]))
     return maturin.build_wheel(wheel_directory, config_settings, metadata_directory)
+
+
+def metadata(*options):
+    """What Cargo knows of the workspace."""
+    command = [os.environ.get("CARGO", "cargo"), "metadata", "--format-version", "1", "--locked", *options]
+    return json.loads(subprocess.run(command, cwd=ROOT, check=True, capture_output=True).stdout)
+
+
+def licences():
+    """The licences of all that is linked into the module: a list, then every text once with those that it is of."""
+    told = metadata()
+    packages = {package["id"]: package for package in told["packages"]}
+    nodes = {node["id"]: node for node in told["resolve"]["nodes"]}
+    (own,) = [key for key, package in packages.items() if package["name"] == "wheelstate-python"]
+    linked, waiting = set(), [own]
+    while waiting:
+        key = waiting.pop()
+        at_build = any("proc-macro" in target["kind"] for target in packages[key]["targets"])
+        if key not in linked and not at_build:
+            linked.add(key)
+            normal = [dep for dep in nodes[key]["deps"] if any(kind["kind"] is None for kind in dep["dep_kinds"])]
+            waiting += [dep["pkg"] for dep in normal]
+    lines, texts = [], {}
+    for package in sorted((packages[key] for key in linked), key=lambda package: (package["name"], package["version"])):
+        name = f"{package['name']} {package['version']}"
+        lines.append(f"{name}: {package['license']}")
+        folder = Path(package["manifest_path"]).parent
+        folder = ROOT if ROOT in folder.parents else folder
+        for pattern in ("LICEN[CS]E*", "COPYING*", "NOTICE*"):
+            for path in sorted(folder.glob(pattern)):
+                if path.is_file():
+                    texts.setdefault(path.read_text(encoding="utf-8", errors="replace").strip(), []).append(name)
+    blocks = [", ".join(dict.fromkeys(names)) + "\n\n" + text for text, names in texts.items()]
+    return ("\n\n" + 80 * "-" + "\n\n").join(["\n".join(lines), *blocks]) + "\n"
 
 
 def put_fmus():
@@ -40,8 +75,7 @@ def put_fmus():
         cargo = os.environ.get("CARGO", "cargo")
         build = [cargo, "build", "--release", "--locked", "--package", "wheelstate-fmu", "--lib", "--bin", "pack"]
         subprocess.run(build, cwd=ROOT, check=True)
-        told = subprocess.run([cargo, "metadata", "--format-version", "1", "--no-deps"], cwd=ROOT, check=True, capture_output=True)
-        pack = Path(json.loads(told.stdout)["target_directory"]) / "release" / "pack"
+        pack = Path(metadata("--no-deps")["target_directory"]) / "release" / "pack"
         libraries = os.environ.get("WHEELSTATE_LIBRARIES")
         subprocess.run([pack, "all", "--out", FMUS, *(["--libraries", libraries] if libraries else [])], check=True)
     if not any(FMUS.iterdir()):

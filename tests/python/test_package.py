@@ -1,6 +1,7 @@
 """What the wheel installs: command, FMUs, types."""
 
 import importlib.metadata
+import re
 import shutil
 import subprocess
 import sys
@@ -32,6 +33,15 @@ def test_the_wheel_installs_one_command_and_no_name_of_another_program():
 def test_the_version_is_that_of_the_workspace():
     (line,) = [line for line in (ROOT / "Cargo.toml").read_text().splitlines() if line.startswith('version = "')]
     assert wheelstate.__version__ == importlib.metadata.version("wheelstate") == line.split('"')[1]
+
+
+def test_the_licences_of_everything_in_the_module_come_with_it():
+    text = (Path(wheelstate.__file__).parent / "licenses.txt").read_text()
+    for crate in ("pyo3", "arrow-array", "clarabel", "parquet", "nalgebra", "clap", "wheelstate-python"):
+        assert re.search(f"^{crate} [0-9.]+: .*(MIT|Apache)", text, re.M), crate
+    assert text.count("Permission is hereby granted") > 10 and "Apache License" in text
+    for tool in ("proptest", "divan", "pyo3-macros-backend"):
+        assert not re.search(f"^{tool} ", text, re.M), f"{tool} is not linked into it"
 
 
 @pytest.mark.parametrize("model", MACHINES)
