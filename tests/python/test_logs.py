@@ -145,6 +145,7 @@ def test_what_cannot_be_a_log_is_refused_in_one_line(tmp_path):
 
 def test_a_log_survives_pickling_and_shows_itself(drive):
     again = pickle.loads(pickle.dumps(drive))
+    assert (again.source, again.sha256, again.notes) == (drive.source, drive.sha256, drive.notes)
     for name in drive.keys():
         np.testing.assert_array_equal(again[name], drive[name])
     assert "samples" in repr(drive) and "<table>" in drive._repr_html_()

@@ -5,7 +5,7 @@ use crate::{arrow, work};
 use pyo3::buffer::PyBuffer;
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
-use pyo3::types::{PyCapsule, PyDict};
+use pyo3::types::{PyBytes, PyCapsule, PyDict};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use wheelstate_identify::checked;
@@ -113,6 +113,17 @@ impl Log {
             outputs.commit().map_err(|e| e.to_string())
         };
         py.detach(write).map_err(error)
+    }
+
+    /// All of it as few bytes, for pickling.
+    fn packed<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &py.detach(|| self.inner.to_compact()))
+    }
+
+    /// From such bytes.
+    #[staticmethod]
+    fn unpacked(data: &[u8]) -> PyResult<Self> {
+        Inner::from_compact("log", data).map(Self::new).map_err(log_error)
     }
 
     fn stream<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyCapsule>> {

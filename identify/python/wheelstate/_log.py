@@ -128,7 +128,7 @@ class Log:
         return self._native.stream()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _unpickled, (self.source, {name: self[name].copy() for name in self.keys()})
+        return _unpacked, (self._native.packed(),)
 
     def __repr__(self) -> str:
         return f"<Log {self.source}: {len(self)} samples, {self.duration:.2f} s, {len(self.channels)} channels>"
@@ -234,5 +234,5 @@ def _column(name: str, values: Any) -> tuple[str, object | None, bool, str]:
     return name, np.ascontiguousarray(array), False, ""
 
 
-def _unpickled(source: str, columns: dict[str, Any]) -> Log:
-    return Log(_native.from_columns(source, [(name, values, False, "") for name, values in columns.items()], None, None, None))
+def _unpacked(data: bytes) -> Log:
+    return Log(_native.Log.unpacked(data))
