@@ -28,11 +28,12 @@ source fmu/toolchains.sh
 [ -x "$work/maturin/bin/maturin" ] || { python3 -m venv "$work/maturin" &&
   "$work/maturin/bin/pip" install --quiet --disable-pip-version-check "maturin>=1.9,<2" ziglang==0.17.1; }
 
-# The FMUs, once for all wheels.
+# The FMUs and licences, once for all wheels.
 rm -rf "$work/libraries" identify/python/wheelstate/fmus
 WHEELSTATE_PLATFORMS=$work fmu/targets.sh "$work/libraries" "$@"
 CARGO_TARGET_DIR=$work/build cargo run --quiet --package wheelstate-fmu --bin pack -- \
   all --libraries "$work/libraries" --out identify/python/wheelstate/fmus >/dev/null
+(cd identify/python && "$work/maturin/bin/python" -c 'import build_wheel as b; (b.PACKAGE / "licenses.txt").write_text(b.licences())')
 
 # Builds the wheel for the triple $1 with maturin's further arguments.
 build() {

@@ -107,6 +107,13 @@ fn usage(text: &str) -> String {
     lines.collect::<Vec<_>>().join(" ").trim_start_matches("error: ").to_owned() + "; --help shows the usage"
 }
 
+/// Prints to stdout; a reader that has gone away is no error.
+fn print(text: &str) {
+    use std::io::Write;
+    let mut out = std::io::stdout().lock();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}
+
 /// Verifies; an FMU that differs is refused.
 fn verify_all(fmus: &[PathBuf]) -> Result<bool, PackError> {
     for fmu in fmus {
@@ -117,7 +124,7 @@ fn verify_all(fmus: &[PathBuf]) -> Result<bool, PackError> {
         if !verdict.is_good() {
             return Err(PackError(format!("{}: it differs from the reference: {found}", fmu.display())));
         }
-        println!("{}: verified: {found}", fmu.display());
+        print(&format!("{}: verified: {found}\n", fmu.display()));
     }
     Ok(false)
 }
@@ -156,8 +163,7 @@ fn run(arguments: &Arguments, own: impl FnOnce() -> Result<Vec<Library>, PackErr
         warned |= !baked.warnings.is_empty();
     }
     for (model, report) in selected.iter().zip(reports) {
-        println!("{}", write(model, &libraries, &arguments.out)?.display());
-        print!("{report}");
+        print(&format!("{}\n{report}", write(model, &libraries, &arguments.out)?.display()));
     }
     Ok(warned)
 }
