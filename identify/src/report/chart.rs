@@ -237,7 +237,8 @@ impl<'a> Axis<'a> {
     fn bars(&self, holds: &[bool]) -> Vec<(f64, f64)> {
         let (_, last) = self.ends();
         let mut bars: Vec<(f64, f64)> = Vec::new();
-        let pixel = (last - self.time[0]) / SIZE.0;
+        let (_, _, width) = PLACE;
+        let pixel = (last - self.time[0]) / width;
         for k in (0..holds.len()).filter(|&k| holds[k]) {
             let to = self.time.get(k + 1).copied().unwrap_or(last);
             match bars.last_mut() {

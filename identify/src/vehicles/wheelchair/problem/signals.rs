@@ -115,8 +115,8 @@ fn slope_of_mean(x: &[f64], period: f64) -> Vec<f64> {
         })
         .collect();
     let twice = mean(&slope);
-    // At the ends the window is one-sided and its mean is late or early.
-    let inside = reach + 1..n.saturating_sub(reach + 1);
+    // At the ends the windows are one-sided and their means late or early, and so is what is taken from them.
+    let inside = 2 * reach + 1..n.saturating_sub(2 * reach + 1);
     slope.iter().zip(&twice).enumerate().map(|(i, (s, m))| if inside.contains(&i) { 2.0 * s - m } else { *s }).collect()
 }
 
