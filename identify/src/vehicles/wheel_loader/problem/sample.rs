@@ -130,22 +130,28 @@ impl Run {
         Ok(run)
     }
 
-    /// The speed that belongs to sample `k` if the speed is late by so much: between two samples on a straight line; NaN
-    /// beyond the ends.
+    /// The speed that belongs to sample `k`, which has one, if the speed is late by so much: between two samples on a
+    /// straight line; NaN where there are none that near.
     pub fn speed(&self, k: usize, late: f64) -> f64 {
         let at = k as f64 + late / self.period;
-        let before = at.floor();
-        let sample = |index: f64| {
-            if index >= 0.0 {
-                self.samples.get(index as usize).map_or(f64::NAN, |sample| sample.speed)
-            } else {
-                f64::NAN
-            }
-        };
-        if at == before {
-            sample(before)
-        } else {
-            sample(before) + (at - before) * (sample(before + 1.0) - sample(before))
+        let speed = |index: usize| self.samples.get(index).map(|sample| sample.speed).filter(|speed| speed.is_finite());
+        if at < 0.0 || speed(k).is_none() {
+            return f64::NAN;
+        }
+        let floor = at as usize;
+        if at == floor as f64
+            && let Some(speed) = speed(floor)
+        {
+            return speed;
+        }
+        // A channel that is recorded more slowly has samples in between that are missing.
+        let reach = self.steps(CLUSTER);
+        let recorded = |index: usize| Some((index as f64, speed(index)?));
+        let before = (floor.saturating_sub(reach)..=floor).rev().find_map(recorded);
+        let after = (floor + 1..=floor + reach).find_map(recorded);
+        match (before, after) {
+            (Some((from, before)), Some((to, after))) => before + (at - from) / (to - from) * (after - before),
+            _ => f64::NAN,
         }
     }
 
