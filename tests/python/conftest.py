@@ -8,7 +8,7 @@ import wheelstate
 
 ROOT = Path(__file__).resolve().parents[2]
 
-if ROOT in Path(wheelstate.__file__).parents and ".venv" not in wheelstate.__file__:
+if ROOT / "identify" / "python" in Path(wheelstate.__file__).parents:
     raise pytest.UsageError(f"{wheelstate.__file__}: this is the source and not the built wheel; run tests/python/run.sh")
 
 
