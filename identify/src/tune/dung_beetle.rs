@@ -89,105 +89,144 @@ pub fn minimise(
     let rollers = share(0.2);
     let breeders = rollers + share(0.2);
     let foragers = breeders + share(7.0 / 30.0);
-    let dimensions = bounds.len();
-    let clip = |x: &mut Vec<f64>| x.iter_mut().zip(bounds).for_each(|(x, (l, u))| *x = x.clamp(*l, *u));
     let finite = |values: Vec<f64>| -> Vec<f64> {
         values.into_iter().map(|value| if value.is_finite() { value } else { f64::INFINITY }).collect()
     };
 
     let mut rng = Rng::new(settings.seed);
-    let mut x: Vec<Vec<f64>> =
-        (0..n).map(|_| bounds.iter().map(|(l, u)| l + (u - l) * rng.uniform()).collect()).collect();
-    let mut value = finite(evaluate(&x));
-    let (mut personal, mut personal_value) = (x.clone(), value.clone());
-    let mut previous = personal.clone();
-    let first = least(&value);
-    let (mut best, mut best_value) = (x[first].clone(), value[first]);
-    let mut history = vec![best_value];
+    let x: Vec<Vec<f64>> = (0..n).map(|_| bounds.iter().map(|(l, u)| l + (u - l) * rng.uniform()).collect()).collect();
+    let values = finite(evaluate(&x));
+    let mut swarm = Swarm::new(bounds, x, values);
+    let mut history = vec![swarm.best_value];
     let mut evaluations = n;
-
     for t in 1..=settings.iterations {
-        if !watch(t - 1, best_value) {
+        if !watch(t - 1, swarm.best_value) {
             break;
         }
-        let worst = x[greatest(&value)].clone();
+        swarm.roll(rollers, &mut rng);
+        let values = finite(evaluate(&swarm.x[..rollers]));
+        swarm.value[..rollers].copy_from_slice(&values);
+        swarm.search([rollers, breeders, foragers], 1.0 - t as f64 / settings.iterations as f64, &mut rng);
+        let values = finite(evaluate(&swarm.x[rollers..]));
+        swarm.value[rollers..].copy_from_slice(&values);
+        evaluations += n;
+        swarm.improve();
+        history.push(swarm.best_value);
+    }
+    watch(history.len() - 1, swarm.best_value);
+    Ok(Optimum { position: swarm.best, value: swarm.best_value, history, evaluations })
+}
+
+/// The beetles between two evaluations.
+struct Swarm<'a> {
+    bounds: &'a [(f64, f64)],
+    /// Positions and their values.
+    x: Vec<Vec<f64>>,
+    value: Vec<f64>,
+    /// Each beetle's best position, its value, and that position one iteration before.
+    personal: Vec<Vec<f64>>,
+    personal_value: Vec<f64>,
+    previous: Vec<Vec<f64>>,
+    best: Vec<f64>,
+    best_value: f64,
+}
+
+impl<'a> Swarm<'a> {
+    fn new(bounds: &'a [(f64, f64)], x: Vec<Vec<f64>>, value: Vec<f64>) -> Self {
+        let first = least(&value);
+        Self {
+            bounds,
+            personal: x.clone(),
+            personal_value: value.clone(),
+            previous: x.clone(),
+            best: x[first].clone(),
+            best_value: value[first],
+            x,
+            value,
+        }
+    }
+
+    /// The first beetles roll, or all of them dance.
+    fn roll(&mut self, rollers: usize, rng: &mut Rng) {
+        let worst = self.x[greatest(&self.value)].clone();
         let roll = rng.uniform() < 0.9;
         for i in 0..rollers {
-            let p = &personal[i];
+            let (p, previous) = (&self.personal[i], &self.previous[i]);
             if roll {
                 let side = if rng.uniform() <= 0.1 { -1.0 } else { 1.0 };
-                for d in 0..dimensions {
-                    x[i][d] = p[d] + 0.3 * (p[d] - worst[d]).abs() + side * 0.1 * previous[i][d];
+                for d in 0..p.len() {
+                    self.x[i][d] = p[d] + 0.3 * (p[d] - worst[d]).abs() + side * 0.1 * previous[d];
                 }
             } else {
                 let degrees = (rng.uniform() * 180.0).floor() + 1.0;
                 let turn = if degrees == 90.0 || degrees == 180.0 { 0.0 } else { degrees.to_radians().tan() };
-                for d in 0..dimensions {
-                    x[i][d] = p[d] + turn * (p[d] - previous[i][d]).abs();
+                for d in 0..p.len() {
+                    self.x[i][d] = p[d] + turn * (p[d] - previous[d]).abs();
                 }
             }
-            clip(&mut x[i]);
+            self.clip(i);
         }
-        let values = finite(evaluate(&x[..rollers]));
-        value[..rollers].copy_from_slice(&values);
+    }
 
-        let current = x[least(&value)].clone();
-        let narrowing = 1.0 - t as f64 / settings.iterations as f64;
-        let around = |centre: &[f64]| -> Vec<(f64, f64)> {
-            centre
-                .iter()
-                .zip(bounds)
-                .map(|(c, (l, u))| {
-                    let (a, b) = ((c * (1.0 - narrowing)).clamp(*l, *u), (c * (1.0 + narrowing)).clamp(*l, *u));
-                    (a.min(b), a.max(b))
-                })
-                .collect()
-        };
-        let nest = around(&current);
-        let meadow = around(&best);
-        for i in rollers..n {
-            let p = &personal[i];
-            let draw = |rng: &mut Rng| -> Vec<f64> { (0..dimensions).map(|_| rng.uniform()).collect() };
+    /// Breeders, foragers and thieves; `ends` are where rollers, breeders and foragers end.
+    fn search(&mut self, ends: [usize; 3], narrowing: f64, rng: &mut Rng) {
+        let [rollers, breeders, foragers] = ends;
+        let current = self.x[least(&self.value)].clone();
+        let (nest, meadow) = (self.around(&current, narrowing), self.around(&self.best, narrowing));
+        let dimensions = current.len();
+        let draw = |rng: &mut Rng| -> Vec<f64> { (0..dimensions).map(|_| rng.uniform()).collect() };
+        for i in rollers..self.x.len() {
+            let (p, best) = (&self.personal[i], &self.best);
             if i < breeders {
-                let (a, b) = (draw(&mut rng), draw(&mut rng));
+                let (a, b) = (draw(rng), draw(rng));
                 for d in 0..dimensions {
                     let (l, u) = nest[d];
-                    x[i][d] = (current[d] + a[d] * (p[d] - l) + b[d] * (p[d] - u)).clamp(l, u);
+                    self.x[i][d] = (current[d] + a[d] * (p[d] - l) + b[d] * (p[d] - u)).clamp(l, u);
                 }
             } else if i < foragers {
                 let g = rng.normal();
-                let b = draw(&mut rng);
+                let b = draw(rng);
                 for d in 0..dimensions {
                     let (l, u) = meadow[d];
-                    x[i][d] = p[d] + g * (p[d] - l) + b[d] * (p[d] - u);
+                    self.x[i][d] = p[d] + g * (p[d] - l) + b[d] * (p[d] - u);
                 }
             } else {
                 for d in 0..dimensions {
                     let spread = (p[d] - current[d]).abs() + (p[d] - best[d]).abs();
-                    x[i][d] = best[d] + 0.5 * rng.normal() * spread;
+                    self.x[i][d] = best[d] + 0.5 * rng.normal() * spread;
                 }
             }
-            clip(&mut x[i]);
+            self.clip(i);
         }
-        let values = finite(evaluate(&x[rollers..]));
-        value[rollers..].copy_from_slice(&values);
-        evaluations += n;
-
-        previous.clone_from(&personal);
-        for i in 0..n {
-            if value[i] < personal_value[i] {
-                personal_value[i] = value[i];
-                personal[i].clone_from(&x[i]);
-            }
-            if personal_value[i] < best_value {
-                best_value = personal_value[i];
-                best.clone_from(&personal[i]);
-            }
-        }
-        history.push(best_value);
     }
-    watch(history.len() - 1, best_value);
-    Ok(Optimum { position: best, value: best_value, history, evaluations })
+
+    /// The interval `centre (1 -+ narrowing)` of every coordinate, within the box.
+    fn around(&self, centre: &[f64], narrowing: f64) -> Vec<(f64, f64)> {
+        let interval = |(c, (l, u)): (&f64, &(f64, f64))| {
+            let (a, b) = ((c * (1.0 - narrowing)).clamp(*l, *u), (c * (1.0 + narrowing)).clamp(*l, *u));
+            (a.min(b), a.max(b))
+        };
+        centre.iter().zip(self.bounds).map(interval).collect()
+    }
+
+    fn clip(&mut self, i: usize) {
+        self.x[i].iter_mut().zip(self.bounds).for_each(|(x, (l, u))| *x = x.clamp(*l, *u));
+    }
+
+    /// Remembers what is better than before.
+    fn improve(&mut self) {
+        self.previous.clone_from(&self.personal);
+        for i in 0..self.x.len() {
+            if self.value[i] < self.personal_value[i] {
+                self.personal_value[i] = self.value[i];
+                self.personal[i].clone_from(&self.x[i]);
+            }
+            if self.personal_value[i] < self.best_value {
+                self.best_value = self.personal_value[i];
+                self.best.clone_from(&self.personal[i]);
+            }
+        }
+    }
 }
 
 fn least(values: &[f64]) -> usize {

@@ -50,7 +50,7 @@ impl<'a> Bring<'a> {
     }
 
     /// What happened to channels of other groups, one line per group.
-    pub fn told(&self) -> Vec<String> {
+    pub fn notes(&self) -> Vec<String> {
         let rate = |times: &[f64]| format!("{:.3} s", period(times));
         let mut groups: Vec<usize> = self.sparse.iter().map(|(group, _)| *group).collect();
         groups.dedup();

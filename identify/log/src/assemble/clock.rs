@@ -1,10 +1,11 @@
 //! The clocks of groups, and which of them becomes the log's.
 
-use super::index::{Index, NotFound, Resolved, map_error, resolve};
+use super::index::{At, Index, NotFound, Resolved, map_error, resolve};
 use crate::LogError;
 use crate::columns::{ColumnMap, Join, Rule, hint};
 use crate::error::{listed, quoted};
 use crate::recording::{Clock, Column, Recording};
+use std::collections::HashSet;
 
 /// Adds the groups of another file, on the clock of the log.
 pub(crate) fn join(
@@ -127,6 +128,50 @@ pub(super) fn time_column(recording: &Recording, group: usize, map: Option<&Colu
     let columns = listed(names.iter().copied());
     let what = format!("no column 'time' (columns: {columns}); a column map can name another one: time = {near}");
     Err(LogError::file(&recording.file, what))
+}
+
+/// The times of all groups that have good ones, and of the log.
+pub(super) struct Times {
+    /// By group: its times, s, or what is wrong with them.
+    pub clocks: Vec<Result<Vec<f64>, String>>,
+    /// The group whose times are the log's.
+    pub base: usize,
+    /// The log's times, s.
+    pub time: Vec<f64>,
+}
+
+/// Takes the log's times from the group `base`, or else from the fastest of those that are used.
+pub(super) fn log_times(
+    recording: &Recording,
+    index: &Index,
+    base: Option<usize>,
+    used: &HashSet<At>,
+    rule: Option<&Rule>,
+) -> Result<Times, LogError> {
+    let clocks: Vec<Result<Vec<f64>, String>> =
+        (0..recording.groups.len()).map(|group| clock(recording, group, rule)).collect();
+    for (group, clock) in clocks.iter().enumerate() {
+        let needed = used.iter().find(|(g, _)| *g == group).filter(|_| base.is_none_or(|base| base != group));
+        if let (Err(what), Some(at)) = (clock, needed) {
+            let name = quoted(&index.column(*at).name);
+            return Err(LogError::file(
+                &recording.file,
+                format!("{}, which has {name}: {what}", recording.group(group)),
+            ));
+        }
+    }
+    let base = match base {
+        Some(base) => base,
+        None => fastest(recording, &clocks, |group| used.iter().any(|(g, _)| *g == group))
+            .or_else(|| fastest(recording, &clocks, |_| true))
+            .ok_or_else(|| no_clock(recording, &clocks))?,
+    };
+    let time = match &clocks[base] {
+        Ok(times) => times.clone(),
+        Err(_) => return Err(bad_clock(recording, base, rule)),
+    };
+    check_times(recording, base, &time)?;
+    Ok(Times { clocks, base, time })
 }
 
 /// The times of a group, s, if they are good for other groups to be compared with.

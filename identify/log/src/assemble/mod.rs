@@ -11,7 +11,7 @@ use crate::recording::{Place, Recording};
 use crate::{Channel, Input, Log, LogError};
 use bring::{Bring, borrowed};
 pub(crate) use clock::join;
-use clock::{bad_clock, check_times, clock, decide_clocks, fastest, no_clock};
+use clock::{Times, decide_clocks, log_times};
 use index::{At, Index, NotFound, Resolved, columns_of, map_error, resolve};
 use rest::{Rest, rest};
 use std::borrow::Cow;
@@ -66,31 +66,7 @@ pub(crate) fn assemble(
     }
     let index = Index::new(&recording);
 
-    // Times of all groups that have any.
-    let clocks: Vec<Result<Vec<f64>, String>> =
-        (0..recording.groups.len()).map(|group| clock(&recording, group, time_rule)).collect();
-    for (group, clock) in clocks.iter().enumerate() {
-        let needed = used.iter().find(|(g, _)| *g == group).filter(|_| base.is_none_or(|base| base != group));
-        if let (Err(what), Some(at)) = (clock, needed) {
-            let name = quoted(&index.column(*at).name);
-            return Err(LogError::file(
-                &recording.file,
-                format!("{}, which has {name}: {what}", recording.group(group)),
-            ));
-        }
-    }
-    let base = match base {
-        Some(base) => base,
-        None => fastest(&recording, &clocks, |group| used.iter().any(|(g, _)| *g == group))
-            .or_else(|| fastest(&recording, &clocks, |_| true))
-            .ok_or_else(|| no_clock(&recording, &clocks))?,
-    };
-    let time = match &clocks[base] {
-        Ok(times) => times.clone(),
-        Err(_) => return Err(bad_clock(&recording, base, time_rule)),
-    };
-    check_times(&recording, base, &time)?;
-
+    let Times { clocks, base, time } = log_times(&recording, &index, base, &used, time_rule)?;
     let mut bring = Bring { recording: &recording, clocks: &clocks, base, times: &time, sparse: Vec::new() };
     let mut channels = Vec::with_capacity(jobs.len());
     for job in &jobs {
@@ -126,7 +102,7 @@ pub(crate) fn assemble(
         let place = job.source.columns().first().filter(|_| !job.mapped).copied();
         channels.push((place, Channel { name: job.name.clone(), values }));
     }
-    notes.extend(bring.told());
+    notes.extend(bring.notes());
     let taken: HashSet<At> =
         jobs.iter().filter_map(|job| if let Resolved::Column(at) = job.source { Some(at) } else { None }).collect();
     let names = std::mem::take(&mut channels);
