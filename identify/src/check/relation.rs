@@ -123,6 +123,26 @@ pub struct Relation {
 }
 
 impl Relation {
+    /// `y = constant + x_1 b_1 + ...` with a constant for every block and no dynamics between the sides.
+    pub fn new(what: &'static str, y: Term, x: Vec<Term>, gain: Gain) -> Self {
+        Self { what, y, x, gain, given: "", constant: true, delay: true }
+    }
+
+    /// The same, and it takes these known parameters as right.
+    pub fn given(self, given: &'static str) -> Self {
+        Self { given, ..self }
+    }
+
+    /// The same; a delay is a fault only if `delay` says so.
+    pub fn with_delay(self, delay: bool) -> Self {
+        Self { delay, ..self }
+    }
+
+    /// The same without constants: both sides are zero together.
+    pub fn without_constant(self) -> Self {
+        Self { constant: false, ..self }
+    }
+
     /// Every channel of it.
     fn channels(&self) -> impl Iterator<Item = &String> {
         self.x.iter().chain([&self.y]).flat_map(|term| &term.channels)

@@ -48,15 +48,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         ] {
             let (rate, of) = (format!("{rate}{joint}"), format!("{of}{joint}"));
             if let (Some(y), Some(x)) = (signals.term(&rate, 0), signals.term(&of, 1)) {
-                all.push(Relation {
-                    what,
-                    y: y.late(),
-                    x: vec![x],
-                    gain: Gain::Same(2.5),
-                    constant: true,
-                    given: "",
-                    delay: true,
-                });
+                all.push(Relation::new(what, y.late(), vec![x], Gain::Same(2.5)));
             }
         }
     }

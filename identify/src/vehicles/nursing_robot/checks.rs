@@ -9,9 +9,9 @@ pub const CHECKS: Checks = Checks {
     required: &[&["speed"], &["torque_left"], &["torque_right"]],
     optional: &[
         ("tilt", "human.*_pitch come from the wheels alone, and human.rest_pitch stays unknown"),
-        ("tilt_rate", "the slope of tilt takes its place"),
+        ("tilt_rate", "the derivative of tilt takes its place"),
         ("roll", "human.*_roll stay unknown: wheels do not feel roll"),
-        ("roll_rate", "the slope of roll takes its place"),
+        ("roll_rate", "the derivative of roll takes its place"),
         ("yaw_rate", "the robot is taken to drive straight"),
         ("accel_x", "slopes of the floor go into mass and rolling resistance"),
     ],
@@ -36,28 +36,12 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         ("roll_rate compared with the derivative of roll", "roll", "roll_rate"),
     ] {
         if let (Some(y), Some(x)) = (signals.term(rate, 0), signals.term(angle, 1)) {
-            all.push(Relation {
-                what,
-                y: y.late(),
-                x: vec![x],
-                gain: Gain::Same(2.5),
-                constant: true,
-                given: "",
-                delay: true,
-            });
+            all.push(Relation::new(what, y.late(), vec![x], Gain::Same(2.5)));
         }
     }
     if let (Some(y), Some(x)) = (signals.term("accel_x", 0), signals.term("speed", 1)) {
         let what = "accel_x compared with the derivative of the speed";
-        all.push(Relation {
-            what,
-            y: y.late(),
-            x: vec![x],
-            gain: Gain::Same(2.5),
-            constant: true,
-            given: "",
-            delay: true,
-        });
+        all.push(Relation::new(what, y.late(), vec![x], Gain::Same(2.5)));
     }
     let smoothing = signals.known.get("rolling.smoothing_speed");
     let force = signals.of(["torque_left", "torque_right"], 0, |[left, right]| (left + right) / radius);
@@ -72,15 +56,8 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         let x: Vec<_> = [Some(x), sway.clone(), Some(rolling)].into_iter().flatten().collect();
         // Without the sway the person moves between force and speed.
         let delay = sway.is_some();
-        let of_force = Relation {
-            what,
-            y: y.late(),
-            x,
-            gain: Gain::About(total, 30.0),
-            constant: true,
-            given: "robot.mass",
-            delay,
-        };
+        let gain = Gain::About(total, 30.0);
+        let of_force = Relation::new(what, y.late(), x, gain).given("robot.mass").with_delay(delay);
         if sway.is_some() {
             let mut of_sway = of_force.clone();
             (of_sway.y.side, of_sway.x[1].side) = (Side::Model, Side::Late);
@@ -98,7 +75,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     all
 }
 
-/// An acceleration against what the body does with it, `a = ((k - b g) angle + c rate + j d rate/dt) / b`.
+/// An acceleration and the motion of the body that it causes, `a = ((k - b g) angle + c rate + j d rate/dt) / b`.
 fn swaying(signals: &Signals, [angle, rate]: [&'static str; 2], acceleration: Option<Term>) -> Option<Relation> {
     let body = body(signals.known);
     let stiffness = signals.known.get(if angle == "tilt" { "human.stiffness_pitch" } else { "human.stiffness_roll" });
@@ -109,5 +86,5 @@ fn swaying(signals: &Signals, [angle, rate]: [&'static str; 2], acceleration: Op
         if angle == "tilt" { "tilt compared with the acceleration" } else { "roll compared with speed times yaw rate" };
     let x = [signals.term(angle, 0)?, slope, curve].map(Term::late).to_vec();
     let gain = if expected > 0.0 { Gain::About(expected, 10.0) } else { Gain::Any };
-    Some(Relation { what, y: acceleration?, x, gain, constant: true, given: "", delay: true })
+    Some(Relation::new(what, acceleration?, x, gain))
 }

@@ -37,15 +37,8 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         let slipping = signals.of([wheel, torque], 0, |[wheel, torque]| wheel * torque);
         if let (Some(y), Some(x)) = (signals.term("speed", 0), rolled) {
             let x = [Some(x), slipping].into_iter().flatten().collect();
-            all.push(Relation {
-                what,
-                y: y.late(),
-                x,
-                gain: Gain::Same(2.0),
-                constant: false,
-                given: "the rolling radius",
-                delay: true,
-            });
+            let rolling = Relation::new(what, y.late(), x, Gain::Same(2.0)).given("the rolling radius");
+            all.push(rolling.without_constant());
         }
     }
     let force = signals.of(["torque_front", "torque_rear"], 0, |[front, rear]| front / radius[0] + rear / radius[1]);
@@ -55,7 +48,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         let x = [Some(x), slope, brakes, signals.term("spading_force_x", 0)].into_iter().flatten().collect();
         let what = "drive force compared with the derivative of the speed";
         let gain = Gain::About(get("loader.mass"), 30.0);
-        all.push(Relation { what, y: y.late(), x, gain, constant: true, given: "loader.mass", delay: true });
+        all.push(Relation::new(what, y.late(), x, gain).given("loader.mass"));
     }
     all
 }

@@ -35,15 +35,7 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     if let Some(y) = signals.term("accel_x", 0) {
         let what = "accel_x compared with the encoders' acceleration";
         let x = vec![acceleration.plus(Some(turning.clone().times(-dy)))];
-        all.push(Relation {
-            what,
-            y: y.late(),
-            x,
-            gain: Gain::Same(2.5),
-            constant: true,
-            given: "chair.wheel_radius",
-            delay: true,
-        });
+        all.push(Relation::new(what, y.late(), x, Gain::Same(2.5)).given("chair.wheel_radius"));
     }
     for (what, one, other) in [
         ("accel_x compared with the left encoder's acceleration", "encoder_left", "encoder_right"),
@@ -51,15 +43,9 @@ fn relations(signals: &Signals) -> Vec<Relation> {
     ] {
         let half = |name: &str| signals.term(name, 2).map(|term| term.times(0.5 * chair.body.wheel_radius));
         if let (Some(y), Some(x), Some(other)) = (signals.term("accel_x", 0), half(one), half(other)) {
-            all.push(Relation {
-                what,
-                y,
-                x: vec![x, other],
-                gain: Gain::Same(3.0),
-                constant: true,
-                given: "chair.wheel_radius",
-                delay: false,
-            });
+            all.push(
+                Relation::new(what, y, vec![x, other], Gain::Same(3.0)).given("chair.wheel_radius").with_delay(false),
+            );
         }
     }
     let [forward, turn] = [of(0, false), of(0, true)].map(|term| term.map(|term| signals.slope(&term)));
@@ -67,16 +53,11 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         (signals.term("accel_y", 0), forward.as_ref().and_then(|v| signals.product(v, turn.as_ref())))
     {
         let what = "accel_y compared with the encoders' speed times yaw rate";
-        let x = vec![x, turning.clone()];
-        all.push(Relation {
-            what,
-            y,
-            x,
-            gain: Gain::Same(2.5),
-            constant: true,
-            given: "chair.wheel_radius",
-            delay: false,
-        });
+        all.push(
+            Relation::new(what, y, vec![x, turning.clone()], Gain::Same(2.5))
+                .given("chair.wheel_radius")
+                .with_delay(false),
+        );
     }
     let gravity = signals.known.get("gravity");
     let tilting = signals.term("accel_x", 1).map(|term| term.times(1.0 / gravity));
@@ -87,36 +68,20 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         let change = Term { parts: change.parts.into_iter().map(|(values, _)| (values, 1)).collect(), ..change };
         // The speed is smoothed twice, which takes from the edges of a ramp.
         let x = vec![x.plus(Some(change.times(-1.0 / gravity)))];
-        all.push(Relation {
-            what,
-            y,
-            x,
-            gain: Gain::Same(6.0),
-            constant: true,
-            given: "chair.wheel_radius",
-            delay: false,
-        });
+        all.push(Relation::new(what, y, x, Gain::Same(6.0)).given("chair.wheel_radius").with_delay(false));
     }
-    // The noisy side stands on the left: noise among the regressors would pull the others along.
+    // The noisy side stands on the left: noise among the regressors would bias the coefficients of the others.
     if let (Some(x), Some(y)) = (signals.term("drive_force", 0), signals.term("accel_x", 0)) {
         let what = "accel_x compared with the drive force";
         let gain = Gain::About(1.0 / signals.known.get("chair.mass"), 30.0);
-        all.push(Relation {
-            what,
-            y,
-            x: vec![x.late(), speed],
-            gain,
-            constant: true,
-            given: "chair.mass",
-            delay: true,
-        });
+        all.push(Relation::new(what, y, vec![x.late(), speed], gain).given("chair.mass"));
     }
     if let Some(x) = signals.term("drive_moment", 0) {
         let what = "the encoders' yaw acceleration compared with the drive moment";
         let side = signals.term("accel_y", 0);
         let gain = Gain::About(1.0 / signals.known.get("chair.yaw_inertia"), 30.0);
         let x = [Some(x.late()), Some(rate), side].into_iter().flatten().collect();
-        all.push(Relation { what, y: turning, x, gain, constant: true, given: "chair.wheel_radius", delay: true });
+        all.push(Relation::new(what, turning, x, gain).given("chair.wheel_radius"));
     }
     all
 }
