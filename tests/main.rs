@@ -9,9 +9,9 @@
 //! | `consistency` | whether reported standard deviations, NIS and NEES are those that the errors show |
 //! | `inputs` | bad, missing and strange samples, steps, parameters and stored states |
 //!
-//! `contract` tries what every estimator promises on all of them. Beside them `allocation` (a step allocates nothing), `recordings` (real machines, whose logs are not part of the
-//! repository) and what only one machine has. Studies that need the simulations of `identify` are in
-//! `identify/tests`, under the same names.
+//! `contract` tries what every estimator promises on all of them. Beside them `recordings` (real machines, whose logs
+//! are not part of the repository) and what only one machine has. Studies that need the simulations of `identify` are
+//! in `identify/tests`, under the same names.
 
 #[path = "support/counting.rs"]
 mod counting;

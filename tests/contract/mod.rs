@@ -353,29 +353,62 @@ for_all! {
     }
 }
 
+/// The default parameters, and those with one or two of their choices and switches at another value.
+fn variants<P: Variables + Default>() -> Vec<P> {
+    let mut others = Vec::new();
+    for parameter in P::declare() {
+        let count = match parameter.kind {
+            Kind::Boolean => 2,
+            Kind::Choice(names) => names.len(),
+            Kind::Real | Kind::Integer | Kind::Code(_) => 0,
+        };
+        let values = (0..count).map(|value| value as f64).filter(|value| *value != parameter.start);
+        others.extend(values.map(|value| (parameter.name.clone(), value)));
+    }
+    let with = |changes: &[&(String, f64)]| {
+        let mut parameters = P::default();
+        changes.iter().for_each(|(name, value)| parameters.set(name, *value).unwrap());
+        parameters
+    };
+    let mut all = vec![with(&[])];
+    for (k, one) in others.iter().enumerate() {
+        all.push(with(&[one]));
+        all.extend(others[..k].iter().filter(|other| other.0 != one.0).map(|other| with(&[one, other])));
+    }
+    all
+}
+
 for_all! {
-    fn nothing_is_allocated_after_construction<E>() {
+    fn nothing_is_allocated_after_construction_whatever_is_chosen<E>() {
         let declared = E::Inputs::declare();
         let mut samples: Vec<E::Inputs> = (0..120).map(|k| wave(&declared, k)).collect();
-        for (k, sample) in samples.iter_mut().enumerate().filter(|(k, _)| k % 5 == 3) {
-            let value = [f64::NAN, f64::INFINITY, 1e300][k % 3];
-            *sample = set(sample, k % E::Inputs::COUNT, value);
-        }
-        let mut estimator = new::<E>();
-        let mut saved = estimator.state().clone();
-        let (mut out, dt) = (E::Outputs::default(), estimator.sample_period());
-        let before = allocations();
-        for (k, sample) in samples.iter().enumerate() {
-            estimator.step(sample, if k == 70 { 1e4 } else { dt });
-            estimator.outputs(sample, 0.4 * dt, &mut out);
-            if k == 40 {
-                saved.clone_from(estimator.state());
+        for (k, sample) in samples.iter_mut().enumerate() {
+            if (30..60).contains(&k) {
+                sample.read(&vec![0.0; E::Inputs::COUNT]); // the machine stands still
             }
-            if k == 90 {
-                estimator.restore(&saved).unwrap();
+            if k % 5 == 3 {
+                let value = [f64::NAN, f64::INFINITY, 1e300][k % 3];
+                *sample = set(sample, k % E::Inputs::COUNT, value);
             }
         }
-        assert_eq!(allocations(), before, "{}", E::NAME);
+        for parameters in variants::<E::Parameters>() {
+            // some choices exclude one another
+            let Ok(mut estimator) = E::new(&parameters) else { continue };
+            let mut saved = estimator.state().clone();
+            let (mut out, dt) = (E::Outputs::default(), estimator.sample_period());
+            let before = allocations();
+            for (k, sample) in samples.iter().enumerate() {
+                estimator.step(sample, [dt, 0.3, f64::NAN, 1e4][if k % 10 == 9 { k / 10 % 4 } else { 0 }]);
+                estimator.outputs(sample, 0.4 * dt, &mut out);
+                if k == 40 {
+                    saved.clone_from(estimator.state());
+                }
+                if k == 90 {
+                    estimator.restore(&saved).unwrap();
+                }
+            }
+            assert_eq!(allocations(), before, "{}", E::NAME);
+        }
     }
 }
 

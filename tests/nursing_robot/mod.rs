@@ -1,6 +1,5 @@
 //! The nursing robot: mass and sway of the person on board.
 
-mod allocation;
 mod changes;
 mod consistency;
 mod inputs;

@@ -1,6 +1,5 @@
 //! The wheel loader: slip stiffness and centre of mass.
 
-mod allocation;
 mod bend;
 mod consistency;
 mod filterpy;

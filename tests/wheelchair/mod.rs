@@ -1,7 +1,6 @@
 //! The wheelchair: speed, heading and slope.
 
 mod accuracy;
-mod allocation;
 mod chairs;
 mod consistency;
 mod ground;

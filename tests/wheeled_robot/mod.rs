@@ -1,6 +1,5 @@
 //! The wheeled robot: wheel forces and motion.
 
-mod allocation;
 mod consistency;
 mod drive;
 mod inputs;
