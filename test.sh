@@ -22,7 +22,7 @@ cargo test "${workspace[@]}" --quiet
 
 step "licences and sources of dependencies"
 if cargo deny --version >/dev/null 2>&1; then
-  cargo deny --log-level error check licenses bans sources # advisories need the network: the release workflow
+  cargo deny --workspace --log-level error check licenses bans sources # advisories need the network: the release workflow
 else
   echo "SKIPPED: cargo-deny is not installed (cargo install --locked cargo-deny); tests/fmpy/test_dependencies.py reads the licences"
 fi

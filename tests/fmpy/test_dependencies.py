@@ -14,8 +14,11 @@ from conftest import ROOT
 
 @pytest.fixture(scope="module")
 def packages():
-    """Every package of the workspace and its dependencies, on all platforms."""
-    command = [shutil.which("cargo"), "metadata", "--format-version", "1", "--locked", "--manifest-path", str(ROOT / "Cargo.toml")]
+    """Every package of the workspace and its dependencies, with all features, on the platforms that are released."""
+    command = [shutil.which("cargo"), "metadata", "--format-version", "1", "--locked", "--all-features",
+               "--manifest-path", str(ROOT / "Cargo.toml")]
+    for target in tomllib.loads((ROOT / "deny.toml").read_text())["graph"]["targets"]:
+        command += ["--filter-platform", target]
     return json.loads(subprocess.run(command, capture_output=True, check=True).stdout)["packages"]
 
 
