@@ -195,3 +195,20 @@ fn true_values_of_the_logs_stand_beside_the_estimates() {
     assert!(!other.references.contains_key("human.stiffness_pitch"), "two truths are none");
     assert!(!report::table(&sample()).contains("truth"));
 }
+
+#[test]
+fn columns_line_up_and_fit_the_terminal() {
+    let text = report::table(&FitReport { warnings: vec!["word ".repeat(40)], ..sample() });
+    assert!(text.lines().filter(|line| !line.starts_with("fmpy")).all(|line| line.chars().count() <= 100), "{text}");
+    let places: Vec<_> = ["verdict", "identified", "weak", "not identifiable", "at bound"]
+        .map(|word| text.lines().find_map(|line| line.ends_with(word).then(|| line.chars().count() - word.len())))
+        .into();
+    assert!(places.iter().all(|place| *place == places[0] && place.is_some()), "{text}");
+    assert!(text.contains("412.3  N.m/rad") && text.contains("[405.1, 419.6]"), "{text}");
+}
+
+#[test]
+fn only_identified_values_become_start_values() {
+    let expected = "--start-values human.damping_pitch 24.1 human.stiffness_pitch 412.34 rolling.coefficient 0.0153";
+    assert_eq!(report::start_values(&sample()).unwrap(), expected);
+}

@@ -95,6 +95,11 @@ fn unusable_steps_change_nothing() {
     }
 }
 
+/// The same commands with nothing measured.
+fn unmeasured(inputs: &Inputs) -> Inputs {
+    Inputs { drive_force: inputs.drive_force, drive_moment: inputs.drive_moment, ..Inputs::default() }
+}
+
 /// A long step equals its sub-steps with nothing measured in between.
 #[test]
 fn a_long_step_equals_its_substeps() {
@@ -102,15 +107,7 @@ fn a_long_step_equals_its_substeps() {
     for kind in [Kind::Basic, Kind::Bias, Kind::GravityVector] {
         let mut long = warm(kind, &rows, 300);
         let mut short = long.clone();
-        let nothing = Inputs {
-            encoder_left: f64::NAN,
-            encoder_right: f64::NAN,
-            gyro_pitch: f64::NAN,
-            accel_x: f64::NAN,
-            accel_y: f64::NAN,
-            accel_z: f64::NAN,
-            ..rows[299].inputs.clone()
-        };
+        let nothing = unmeasured(&rows[299].inputs);
         long.step(&nothing, 0.1);
         for _ in 0..5 {
             short.step(&nothing, 0.02);
@@ -127,14 +124,14 @@ fn the_last_valid_command_is_held() {
     let rows = rows();
     for (bad, bit) in [(f64::NAN, Status::HELD_INPUT), (f64::INFINITY, Status::INFINITE), (1e5, Status::IMPLAUSIBLE)] {
         let mut held = warm(Kind::Basic, &rows, 300);
-        let mut told = held.clone();
+        let mut repeated = held.clone();
         let mut inputs = rows[300].inputs.clone();
         inputs.drive_force = bad;
         let status = held.step(&inputs, 0.01);
         assert!(status.contains(Status::HELD_INPUT | bit), "{status}");
         inputs.drive_force = rows[299].inputs.drive_force;
-        assert!(!told.step(&inputs, 0.01).contains(Status::HELD_INPUT));
-        assert_eq!(outputs(&held, &inputs).slope, outputs(&told, &inputs).slope);
+        assert!(!repeated.step(&inputs, 0.01).contains(Status::HELD_INPUT));
+        assert_eq!(outputs(&held, &inputs).slope, outputs(&repeated, &inputs).slope);
     }
     // Before any valid command there is none.
     let mut fresh = warm(Kind::Basic, &rows, 0);
@@ -193,15 +190,7 @@ fn without_any_sample_only_time_passes() {
     for kind in KINDS {
         let mut estimator = warm(kind, &rows, 300);
         let known = outputs(&estimator, &rows[299].inputs);
-        let nothing = Inputs {
-            encoder_left: f64::NAN,
-            encoder_right: f64::NAN,
-            gyro_pitch: f64::NAN,
-            accel_x: f64::NAN,
-            accel_y: f64::NAN,
-            accel_z: f64::NAN,
-            ..rows[299].inputs.clone()
-        };
+        let nothing = unmeasured(&rows[299].inputs);
         let mut last = known.clone();
         for k in 0..300 {
             let mut ahead = Outputs::default();

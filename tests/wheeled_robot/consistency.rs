@@ -14,6 +14,9 @@ fn each_wheel(i: &mut Inputs, change: impl Fn(f64) -> f64) {
     }
 }
 
+/// A name and what it does to the measurements.
+type Fault = (&'static str, fn(&mut Inputs));
+
 /// Time after which the measurements contradict, s.
 fn contradicted_after(out: &[Outputs]) -> Option<f64> {
     let first = out.iter().position(|o| o.diagnostics.status.contains(Status::CONTRADICTED))?;
@@ -22,8 +25,7 @@ fn contradicted_after(out: &[Outputs]) -> Option<f64> {
 
 #[test]
 fn wrong_units_and_signs_are_contradicted_within_three_seconds() {
-    type Spoil = fn(&mut Inputs);
-    let faults: [(&str, Spoil); 6] = [
+    let faults: [Fault; 6] = [
         ("gyro in deg/s", |i| i.gyro_z = i.gyro_z.to_degrees()),
         ("gyro turned", |i| i.gyro_z = -i.gyro_z),
         ("accelerometer turned", |i| i.accel_y = -i.accel_y),
@@ -32,16 +34,22 @@ fn wrong_units_and_signs_are_contradicted_within_three_seconds() {
         ("steering turned", |i| i.steering_angle = -i.steering_angle),
     ];
     for seed in [3, 4] {
-        let log = drive(seed, 10.0, 3.0, 0.3);
-        let p = parameters(Channels::WheelSpeed);
-        assert_eq!(contradicted_after(&run(&p, &log, |_, _| {})), None, "without a fault");
-        for (fault, spoil) in faults {
-            let out = run(&p, &log, |_, i| spoil(i));
-            let after = contradicted_after(&out);
-            let healthy = out[300..].iter().filter(|o| o.diagnostics.healthy).count() as f64 / 700.0;
-            println!("{fault}: contradicted after {after:.2?} s, then healthy {healthy:.2} of the time");
-            assert!(after.is_some_and(|after| after < 3.0) && healthy < 0.02, "{fault} {after:?} {healthy}");
-        }
+        every_fault_is_contradicted(&faults, seed, 0.3);
+    }
+}
+
+/// Each fault of a log of 10 s, which swings the steering by `swing` rad, is contradicted within 3 s, and the log without
+/// a fault is not.
+fn every_fault_is_contradicted(faults: &[Fault], seed: u64, swing: f64) {
+    let log = drive(seed, 10.0, 3.0, swing);
+    let p = parameters(Channels::WheelSpeed);
+    assert_eq!(contradicted_after(&run(&p, &log, |_, _| {})), None, "without a fault");
+    for (fault, spoil) in faults {
+        let out = run(&p, &log, |_, i| spoil(i));
+        let after = contradicted_after(&out);
+        let healthy = out[300..].iter().filter(|o| o.diagnostics.healthy).count() as f64 / 700.0;
+        println!("swing {swing}: {fault}: contradicted after {after:.2?} s, then healthy {healthy:.2} of the time");
+        assert!(after.is_some_and(|after| after < 3.0) && healthy < 0.02, "{swing} {fault} {after:?} {healthy}");
     }
 }
 
@@ -115,8 +123,7 @@ fn the_lateral_speed_recovers_once_the_accelerometer_is_quiet_again() {
 /// In gentle driving the process noise can follow such measurements, and the innovations stay small.
 #[test]
 fn wrong_units_and_signs_are_contradicted_in_gentle_driving_too() {
-    type Spoil = fn(&mut Inputs);
-    let faults: [(&str, Spoil); 8] = [
+    let faults: [Fault; 8] = [
         ("gyro in deg/s", |i| i.gyro_z = i.gyro_z.to_degrees()),
         ("gyro turned", |i| i.gyro_z = -i.gyro_z),
         ("accelerometer turned", |i| i.accel_y = -i.accel_y),
@@ -127,16 +134,7 @@ fn wrong_units_and_signs_are_contradicted_in_gentle_driving_too() {
         ("steering in degrees", |i| i.steering_angle = i.steering_angle.to_degrees()),
     ];
     for (seed, swing) in [(3, 0.04), (4, 0.06), (5, 0.1)] {
-        let log = drive(seed, 10.0, 3.0, swing);
-        let p = parameters(Channels::WheelSpeed);
-        assert_eq!(contradicted_after(&run(&p, &log, |_, _| {})), None, "without a fault");
-        for (fault, spoil) in faults {
-            let out = run(&p, &log, |_, i| spoil(i));
-            let after = contradicted_after(&out);
-            let healthy = out[300..].iter().filter(|o| o.diagnostics.healthy).count() as f64 / 700.0;
-            println!("swing {swing}: {fault}: contradicted after {after:.2?} s, then healthy {healthy:.2} of the time");
-            assert!(after.is_some_and(|after| after < 3.0) && healthy < 0.02, "{swing} {fault} {after:?} {healthy}");
-        }
+        every_fault_is_contradicted(&faults, seed, swing);
     }
 }
 

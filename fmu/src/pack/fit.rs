@@ -1,6 +1,6 @@
 //! Identified values from `fit.json` (or `tune.json`) as start values.
 
-use super::PackError;
+use super::{PackError, read};
 use crate::model::{Model, check_parameter};
 use serde_json::{Map, Value};
 use std::path::Path;
@@ -30,12 +30,10 @@ pub struct Baked {
 impl Fit {
     /// Reads a file.
     pub fn read(path: &Path) -> Result<Self, PackError> {
-        let source = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| PackError(format!("{source}: {error}")))?;
-        Self::parse(&source, &text)
+        read(path, Self::parse)
     }
 
-    /// Reads the text of a file.
+    /// Reads the text of a `fit.json`; errors begin with `source`.
     pub fn parse(source: &str, text: &str) -> Result<Self, PackError> {
         let refuse = |what: String| PackError(format!("{source}: {what}"));
         let json: Value =
@@ -151,7 +149,7 @@ fn show(kind: Kind, value: f64) -> String {
     }
 }
 
-/// The line that tells of a new start value.
+/// The line that reports a new start value.
 pub(super) fn taken(model: &Model, index: usize, value: f64) -> String {
     let variable = &model.parameters[index];
     let unit = if variable.unit == "1" { String::new() } else { format!(" {}", variable.unit) };

@@ -21,6 +21,13 @@ use std::path::{Path, PathBuf};
 #[error("{0}")]
 pub struct PackError(pub String);
 
+/// Reads a text file as what `parse(source, text)` makes of it.
+fn read<T>(path: &Path, parse: impl Fn(&str, &str) -> Result<T, PackError>) -> Result<T, PackError> {
+    let source = path.display().to_string();
+    let text = std::fs::read_to_string(path).map_err(|error| PackError(format!("{source}: {error}")))?;
+    parse(&source, &text)
+}
+
 /// The model of this name, spelt as the FMU (in camel case) or as on the command line (in lower case with dashes).
 pub fn model(name: &str) -> Result<Model, PackError> {
     models(&|known| same_name(known, name)).pop().ok_or_else(|| {

@@ -1,8 +1,8 @@
 //! Parameter sets (SSP 1.0 `.ssv`): the one that every FMU carries, a preset to copy and edit, and those that a user
 //! brings to have them baked in.
 
-use super::PackError;
 use super::fit::{Baked, parse, taken, unknown};
+use super::{PackError, read};
 use crate::model::{Model, check_parameter};
 use roxmltree::{Document, Node};
 use std::path::Path;
@@ -49,12 +49,10 @@ const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureParameterVa
 impl ParameterSet {
     /// Reads a file.
     pub fn read(path: &Path) -> Result<Self, PackError> {
-        let source = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| PackError(format!("{source}: {error}")))?;
-        Self::parse(&source, &text)
+        read(path, Self::parse)
     }
 
-    /// Reads the text of a file.
+    /// Reads the text of an SSV 1.0 parameter set; errors begin with `source`.
     pub fn parse(source: &str, text: &str) -> Result<Self, PackError> {
         let refuse = |what: String| PackError(format!("{source}: {what}"));
         let document = Document::parse(text).map_err(|error| refuse(format!("not readable as XML: {error}")))?;

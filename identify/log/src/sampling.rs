@@ -41,23 +41,6 @@ impl Log {
         (log, period)
     }
 
-    /// The longest runs of samples whose steps all stay within `tolerance * period` of the period.
-    pub fn uniform_runs(&self, tolerance: f64) -> Vec<Range<usize>> {
-        let period = self.period();
-        let mut runs = Vec::new();
-        let mut start = 0;
-        for (index, pair) in self.time.windows(2).enumerate() {
-            if ((pair[1] - pair[0]) - period).abs() > tolerance * period {
-                runs.push(start..index + 1);
-                start = index + 1;
-            }
-        }
-        if start < self.len() {
-            runs.push(start..self.len());
-        }
-        runs
-    }
-
     /// A part of the log with those channels whose names `keep` accepts.
     pub fn slice(&self, samples: Range<usize>, keep: impl Fn(&str) -> bool) -> Self {
         let channels = self
@@ -123,9 +106,8 @@ mod tests {
     }
 
     #[test]
-    fn gaps_part_the_runs() {
+    fn the_period_is_that_of_most_steps() {
         let log = ramp(&[0.0, 0.1, 0.2, 0.5, 0.6, 0.7001, 2.0]);
-        assert_eq!(log.uniform_runs(0.01), [0..3, 3..6, 6..7]);
         assert!((log.period() - 0.1).abs() < 1e-3);
     }
 

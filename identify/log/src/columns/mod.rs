@@ -66,7 +66,7 @@
 //!
 //! # Formats
 //! ```toml
-//! [csv]                  # what is guessed otherwise
+//! [csv]                  # what is detected otherwise
 //! separator = ";"        # or "tab", ",", "|"
 //! decimal = ","
 //! comment = "#"          # lines that begin so are skipped
@@ -127,7 +127,7 @@ pub(crate) struct Join {
     pub name: Option<String>,
 }
 
-/// What a map says about the dialect of CSV files; `None` is guessed.
+/// What a map says about the dialect of CSV files; `None` is detected.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CsvOptions {
     pub separator: Option<u8>,
@@ -260,11 +260,6 @@ impl ColumnMap {
             }
         }
         Ok(())
-    }
-
-    /// Whether the map needs a column of this name.
-    pub fn uses(&self, column: &str) -> bool {
-        self.mentioned().any(|name| name == column)
     }
 
     /// All names of columns that stand in the map.
