@@ -138,7 +138,7 @@ fn the_other_status_functions_have_no_answer() {
 }
 
 #[test]
-fn versions() {
+fn version_and_platform_are_those_of_fmi_2() {
     unsafe {
         assert_eq!(std::ffi::CStr::from_ptr(fmi2GetVersion()), c"2.0");
         assert_eq!(std::ffi::CStr::from_ptr(fmi2GetTypesPlatform()), c"default");
@@ -217,7 +217,7 @@ fn a_freed_component_stays_dead_however_many_come_after_it() {
 }
 
 #[test]
-fn two_threads_with_one_component_are_told_apart_and_never_mixed() {
+fn two_threads_with_one_component_are_detected_and_never_mixed() {
     let host = Host::started(0.0);
     let component = host.c.addr();
     let steps = |_| {

@@ -120,13 +120,13 @@ fn with_any_parameter_at_the_end_of_its_range_the_outputs_are_sound() {
 #[test]
 fn an_input_that_was_never_set_is_missing_and_nothing_measured_is_not_healthy() {
     for model in models(&|_| true) {
-        let (mut unset, mut told) = (started(&model, &[]).unwrap(), started(&model, &[]).unwrap());
+        let (mut unset, mut set_to_nan) = (started(&model, &[]).unwrap(), started(&model, &[]).unwrap());
         for _ in 0..200 {
-            feed(&mut told, |i| if model.inputs[i].may_be_missing() { f64::NAN } else { 0.0 });
+            feed(&mut set_to_nan, |i| if model.inputs[i].may_be_missing() { f64::NAN } else { 0.0 });
             step(&mut unset, 1.0);
-            step(&mut told, 1.0);
+            step(&mut set_to_nan, 1.0);
         }
-        assert_eq!(outputs(&mut unset), outputs(&mut told), "{}", model.name);
+        assert_eq!(outputs(&mut unset), outputs(&mut set_to_nan), "{}", model.name);
         assert!(!is_healthy(&mut unset), "{}", model.name);
         assert_ne!(status(&mut unset), Status::OK, "{}", model.name);
         assert_sound(&mut unset, "never set");

@@ -80,7 +80,7 @@ fn nothing_but_the_systems_own_libraries_is_needed() {
     }
 }
 
-/// What the library is made of, as `cargo tree` tells it; the packer's own crates are not in it.
+/// What the library is made of, as `cargo tree` lists it; the packer's own crates are not in it.
 #[test]
 fn the_licence_file_names_every_crate_in_the_library() {
     let licences = include_str!("../assets/license.txt").replace([',', '.'], " ");

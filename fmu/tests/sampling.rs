@@ -203,17 +203,17 @@ fn estimate(host: &Host) -> (u64, u64, i32) {
 
 #[test]
 fn an_input_is_missing_until_the_host_sets_it_and_reads_as_its_start() {
-    let (unset, told) = (Host::started(0.0), Host::started(0.0));
-    told.set("signal", f64::NAN);
-    for host in [&unset, &told] {
+    let (unset, missing) = (Host::started(0.0), Host::started(0.0));
+    missing.set("signal", f64::NAN);
+    for host in [&unset, &missing] {
         assert_eq!(host.step(0.0, 0.05), OK);
     }
-    assert_eq!(estimate(&unset), estimate(&told));
+    assert_eq!(estimate(&unset), estimate(&missing));
     assert_eq!(unset.get("signal"), 0.0);
-    assert!(told.get("signal").is_nan());
-    assert_eq!(told.reset(), OK);
-    told.start(0.0);
-    assert_eq!(told.get("signal"), 0.0);
+    assert!(missing.get("signal").is_nan());
+    assert_eq!(missing.reset(), OK);
+    missing.start(0.0);
+    assert_eq!(missing.get("signal"), 0.0);
 }
 
 #[test]

@@ -375,7 +375,7 @@ fn a_fit_to_a_speed_that_arrives_late_ends_with_a_warning_that_names_it() {
 
 /// The drive's first half is straight at a steady speed: what it tells about turning comes from the second half alone.
 #[test]
-fn the_part_of_a_log_that_tells_most_is_named() {
+fn the_most_informative_part_of_a_log_is_named() {
     let chair = vehicle("wheelchair");
     let mut log = simulated(chair, "identification", 6, &[]);
     let until = log.time.iter().position(|t| *t >= 20.0).unwrap();

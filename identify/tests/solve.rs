@@ -223,7 +223,7 @@ fn corners_of_any_number_of_bounds_are_answers_and_no_panic() {
 
 /// Where signs cannot explain the data, the error says what the rows alone would make of them, and no solver's word.
 #[test]
-fn a_contradiction_is_told_in_the_users_words() {
+fn a_contradiction_is_reported_in_the_users_words() {
     let mut problem = regression(2, 100, &[1.0, 2.0], 0.0);
     problem.constraints = vec![
         Constraint::NonNegative(Affine::new(&[(0, 1.0)], -5.0)),

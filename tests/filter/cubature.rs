@@ -47,7 +47,7 @@ fn run(mut see: impl FnMut(usize, &FactoredGaussian<3>)) {
 
 /// The same filter with covariances and Cholesky factors instead of carried square roots.
 #[test]
-fn equals_the_covariance_form() {
+fn the_filter_equals_the_covariance_form() {
     let points = |x: &Vector3<f64>, p: &Matrix3<f64>| -> Vec<Vector3<f64>> {
         let l = p.cholesky().unwrap().l() * 3f64.sqrt();
         (0..3).map(|i| x + l.column(i)).chain((0..3).map(|i| x - l.column(i))).collect()
@@ -85,7 +85,7 @@ fn equals_the_covariance_form() {
 }
 
 #[test]
-fn equals_filterpy() {
+fn the_filter_equals_filterpy() {
     let text = include_str!("../oracles/srckf_filterpy.csv");
     let rows: Vec<Vec<f64>> =
         text.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
@@ -111,7 +111,7 @@ fn equals_filterpy() {
 
 /// Nearly equal rows of the measurement in a filter that knows almost everything: factors stay.
 #[test]
-fn keeps_its_factor_where_covariances_lose_definiteness() {
+fn the_filter_keeps_its_factor_where_covariances_lose_definiteness() {
     let mut filter = FactoredGaussian::independent(Vector3::zeros(), &Vector3::repeat(1.0));
     for k in 0..2000 {
         srckf::predict(&mut filter, &Vector3::repeat(1e-9), |x: &[Vector3<f64>; 6]| *x);

@@ -70,8 +70,11 @@ fn white_noise_of_speed_and_torque_scatters_the_force_as_the_error_budget_says()
             square += force * force;
         }
         let (scatter, known) = ((square / f64::from(count)).sqrt(), Knowledge { speed_noise, torque_noise, ..EXACT });
-        let told = std(&observer, &state, known);
-        assert!((scatter / told - 1.0).abs() < 0.03, "{feedforward} {speed_noise}: {scatter} N, told {told} N");
+        let reported = std(&observer, &state, known);
+        assert!(
+            (scatter / reported - 1.0).abs() < 0.03,
+            "{feedforward} {speed_noise}: {scatter} N, reported {reported} N"
+        );
     }
 }
 
@@ -80,13 +83,13 @@ fn a_wrong_torque_or_inertia_shifts_the_force_by_what_the_error_budget_says() {
     let observer = observer(false);
     let bias = 6.0;
     let state = fed(&observer, 1000, |_| (10.0, bias));
-    let told = std(&observer, &state, Knowledge { torque_bias: bias, ..EXACT });
-    assert!((told - state.force.abs()).abs() < 1e-6 * told, "{told} N for {} N", state.force);
+    let reported = std(&observer, &state, Knowledge { torque_bias: bias, ..EXACT });
+    assert!((reported - state.force.abs()).abs() < 1e-6 * reported, "{reported} N for {} N", state.force);
     // a wheel of a tenth more inertia that nothing holds back
     let torque = 1.1 * INERTIA * 2.0;
     let state = fed(&observer, 1000, |t| (2.0 * t, torque));
-    let told = std(&observer, &state, Knowledge { inertia_error: 0.1, ..EXACT });
-    assert!((told - state.force.abs()).abs() < 1e-3 * told, "{told} N for {} N", state.force);
+    let reported = std(&observer, &state, Knowledge { inertia_error: 0.1, ..EXACT });
+    assert!((reported - state.force.abs()).abs() < 1e-3 * reported, "{reported} N for {} N", state.force);
 }
 
 #[test]
@@ -96,15 +99,15 @@ fn a_force_that_changes_is_late_and_held_as_the_error_budget_says() {
     let wheel = |t: f64| (50.0 - RADIUS / INERTIA * 0.5 * rate * t * t, 0.0);
     let mut state = fed(&observer, 1000, wheel);
     let late = 999.0 * DT * rate - state.force;
-    let told = observer.force_std(&Wheel, &state, &EXACT, DT);
+    let reported = observer.force_std(&Wheel, &state, &EXACT, DT);
     // sampled, the lag is up to half a sample shorter
-    assert!((1.0..1.15).contains(&(told / late)), "{told} N for {late} N");
+    assert!((1.0..1.15).contains(&(reported / late)), "{reported} N for {late} N");
     for _ in 0..20 {
         observer.step(&Wheel, &mut state, f64::NAN, 0.0, DT);
     }
     let held = 20.0 * DT * rate;
-    let told = observer.force_std(&Wheel, &state, &EXACT, DT);
-    assert!((told / late.hypot(held) - 1.0).abs() < 0.1, "{told} N for {late} N late and {held} N held");
+    let reported = observer.force_std(&Wheel, &state, &EXACT, DT);
+    assert!((reported / late.hypot(held) - 1.0).abs() < 0.1, "{reported} N for {late} N late and {held} N held");
 }
 
 #[test]

@@ -197,7 +197,7 @@ def contract(request):
     return request.param, {v.name: v for v in description.modelVariables}, description
 
 
-def test_inputs(contract):
+def test_inputs_have_the_names_and_units_of_the_contract(contract):
     model, variables, _ = contract
     for pattern, unit in INPUTS[model].items():
         for name in names(pattern):
@@ -215,7 +215,7 @@ def test_estimates_have_standard_deviations(contract):
             assert variables[name].causality == "output", name
 
 
-def test_parameters_with_their_defaults(contract):
+def test_parameters_have_the_defaults_of_the_contract(contract):
     model, variables, _ = contract
     for pattern in PARAMETERS[model].split():
         for name in names(pattern):
@@ -227,7 +227,7 @@ def test_parameters_with_their_defaults(contract):
             assert variable.causality == "parameter" and given == start, name
 
 
-def test_choices(contract):
+def test_choices_are_those_of_the_contract(contract):
     model, variables, _ = contract
     for name, items in CHOICES[model].items():
         assert {item.name for item in variables[name].declaredType.items} == items, name

@@ -40,7 +40,7 @@ def test_variables_are_complete(fmu):
             assert float(variable.start) <= float(variable.max), variable.name
 
 
-def test_contract_of_every_model(fmu):
+def test_every_model_has_what_the_contract_says(fmu):
     description = fmpy.read_model_description(fmu)
     variables = {v.name: v for v in description.modelVariables}
     assert description.fmiVersion == "2.0"
@@ -69,7 +69,7 @@ def test_contract_of_every_model(fmu):
             assert re.fullmatch(r"[a-z][A-Za-z0-9_]*", v.name), v.name
 
 
-def test_archive(fmu, model):
+def test_the_archive_holds_what_the_standard_says(fmu, model):
     with zipfile.ZipFile(fmu) as archive:
         names = archive.namelist()
         assert names == sorted(names)
@@ -128,6 +128,6 @@ def test_terminals_hold_every_input_and_output(fmu):
 
 
 @pytest.mark.parametrize("word", ["wheelstate", "NaN", "sample_period", "Bits of status"])
-def test_page_explains(fmu, word):
+def test_the_page_explains_the_model(fmu, word):
     with zipfile.ZipFile(fmu) as archive:
         assert word in archive.read("documentation/index.html").decode()

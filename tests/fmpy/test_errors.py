@@ -1,4 +1,4 @@
-"""What is refused, and what the user is then told."""
+"""What is refused, and with which message."""
 
 import re
 
@@ -26,7 +26,7 @@ def parameters(slave):
     return [v for v in slave.description.modelVariables if v.causality == "parameter"]
 
 
-def test_nan_and_infinity_in_a_parameter(slave):
+def test_nan_and_infinity_in_a_parameter_are_refused(slave):
     for v in parameters(slave):
         if v.type == "Real":
             for value in (float("nan"), float("inf")):
@@ -106,7 +106,7 @@ def test_nan_is_a_sample_only_where_it_may_be(slave):
     slave.all_outputs()
 
 
-def test_unknown_value_references_and_types(slave):
+def test_unknown_value_references_and_types_are_refused(slave):
     slave.fmu.setupExperiment()
     slave.fmu.enterInitializationMode()
     assert "4711" in refused(slave, lambda: slave.fmu.getReal([4711]))
@@ -114,7 +114,7 @@ def test_unknown_value_references_and_types(slave):
     assert "String" in refused(slave, lambda: slave.fmu.getString([0]))
 
 
-def test_calls_out_of_order(slave):
+def test_calls_out_of_order_are_refused(slave):
     assert "instantiated" in refused(slave, lambda: slave.step(0.0, 0.01))
     assert "instantiated" in refused(slave, lambda: slave.get("status"))
     slave.start()
@@ -133,7 +133,7 @@ def test_the_instance_survives_refusals(slave):
     assert slave.fmu.getRealStatus(2) == dt  # the last successful time
 
 
-def test_stop_time(slave):
+def test_no_step_goes_beyond_the_stop_time(slave):
     dt = period(slave.description)
     slave.start(0.0, stop=2 * dt)
     slave.step(0.0, dt)

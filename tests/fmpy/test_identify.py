@@ -134,7 +134,7 @@ def placed(times, values, at):
 
 
 @pytest.mark.parametrize("compression", [0, 1, 2])
-def test_files_of_asammdf(identify, tmp_path, compression):
+def test_files_of_asammdf_are_read(identify, tmp_path, compression):
     asammdf = pytest.importorskip("asammdf")
     fast, slow = np.arange(3000) * 0.01, 0.003 + np.arange(240) * 0.1
     speed, torque = np.sin(fast), np.round(100 * np.cos(fast)).astype("i2")
@@ -158,7 +158,7 @@ def test_files_of_asammdf(identify, tmp_path, compression):
     assert np.isnan(read["yaw_rate"]).sum() == 3000 - 240
 
 
-def test_units_and_invalid_samples_of_a_measurement_file(identify, tmp_path):
+def test_units_and_invalid_samples_of_a_measurement_file_are_read(identify, tmp_path):
     asammdf = pytest.importorskip("asammdf")
     times = np.arange(100) * 0.1
     invalid = np.arange(100) % 7 == 0
@@ -193,7 +193,7 @@ def test_asammdf_reads_what_identify_writes(identify, tmp_path):
 
 
 @pytest.mark.parametrize("compression", ["none", "snappy", "gzip", "zstd", "lz4", "brotli"])
-def test_files_of_pyarrow(identify, tmp_path, compression):
+def test_files_of_pyarrow_are_read(identify, tmp_path, compression):
     pyarrow = pytest.importorskip("pyarrow")
     from pyarrow import parquet
 

@@ -29,7 +29,7 @@ def test_hundred_instances_do_not_touch_each_other(fmu, extracted):
         slave.free()
 
 
-def test_threads(fmu, extracted):
+def test_instances_in_many_threads_do_not_touch_each_other(fmu, extracted):
     folder = extracted(fmu)
     description = fmpy.read_model_description(folder)
     dt = period(description)
@@ -53,7 +53,7 @@ def test_threads(fmu, extracted):
         slave.free()
 
 
-def test_hundred_loads_and_unloads(fmu, extracted):
+def test_a_hundred_loads_and_unloads_leave_nothing_behind(fmu, extracted):
     folder = extracted(fmu)
     description = fmpy.read_model_description(folder)
     dt = period(description)

@@ -39,7 +39,7 @@ def same(a, b):
 # --- MDF4 by asammdf ----------------------------------------------------------------------------
 
 
-def test_every_width_and_byte_order_of_a_measurement_file(convert, tmp_path):
+def test_every_width_and_byte_order_of_a_measurement_file_is_read(convert, tmp_path):
     asammdf = pytest.importorskip("asammdf")
     times = np.arange(50) * 0.1
     kinds = ["u1", "i1", "<u2", ">u2", "<i2", ">i2", "<u4", ">u4", "<i4", ">i4", "<u8", ">u8", "<i8", ">i8"]
@@ -59,7 +59,7 @@ def test_every_width_and_byte_order_of_a_measurement_file(convert, tmp_path):
         assert same(read[name], channels[name].astype(float)), name
 
 
-def test_conversions_of_a_measurement_file(convert, tmp_path):
+def test_conversions_of_a_measurement_file_are_applied(convert, tmp_path):
     asammdf = pytest.importorskip("asammdf")
     from asammdf.blocks.conversion_utils import from_dict
 
@@ -89,7 +89,7 @@ def test_conversions_of_a_measurement_file(convert, tmp_path):
 
 
 @pytest.mark.parametrize("compression", [0, 1, 2])
-def test_columns_and_rows_of_newer_measurement_files(convert, tmp_path, compression):
+def test_columns_and_rows_of_newer_measurement_files_are_read(convert, tmp_path, compression):
     asammdf = pytest.importorskip("asammdf")
     times = np.arange(2000) * 0.01
     invalid = np.arange(2000) % 3 == 1
@@ -132,7 +132,7 @@ def test_a_speed_at_another_rate_leaves_the_slip_stiffness_right(program, tmp_pa
 # --- Parquet by pyarrow -------------------------------------------------------------------------
 
 
-def test_types_that_say_more_than_their_physical_integer(convert, tmp_path):
+def test_types_that_say_more_than_their_physical_integer_are_obeyed(convert, tmp_path):
     pyarrow = pytest.importorskip("pyarrow")
     from pyarrow import parquet
 
@@ -182,7 +182,7 @@ def test_types_that_say_more_than_their_physical_integer(convert, tmp_path):
         assert "note" not in read and "list" not in read
 
 
-def test_times_of_spark_and_a_unit_that_does_not_apply(convert, tmp_path):
+def test_times_of_spark_are_read_and_a_unit_that_does_not_apply_is_refused(convert, tmp_path):
     pyarrow = pytest.importorskip("pyarrow")
     from pyarrow import parquet
 
@@ -212,7 +212,7 @@ def test_an_index_that_pandas_only_counts_is_a_column(convert, tmp_path):
 @pytest.mark.parametrize("separator,decimal", [(",", "."), (";", "."), (";", ","), ("\t", ","), ("|", ".")])
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "utf-16"])
 @pytest.mark.parametrize("ending", ["csv", "csv.gz"])
-def test_dialects_that_pandas_writes(convert, tmp_path, separator, decimal, encoding, ending):
+def test_dialects_that_pandas_writes_are_read(convert, tmp_path, separator, decimal, encoding, ending):
     pandas = pytest.importorskip("pandas")
     random = np.random.default_rng(2)
     speed = np.where(np.arange(500) % 7 == 3, np.nan, random.normal(size=500))
@@ -289,7 +289,7 @@ def assert_drive(read, late=0.0):
     assert np.allclose(read["position"][inside], 0.3 * k[inside], rtol=1e-5) and np.isnan(read["position"][~inside]).all()
 
 
-def test_topics_and_fields_of_a_recording(convert, tmp_path):
+def test_topics_and_fields_of_a_recording_are_channels(convert, tmp_path):
     path = record(tmp_path / "bag")
     assert_drive(convert(path, MAP))
     assert_drive(convert(path, MAP + '[mcap]\ntime = "log"\n'), late=0.003)
@@ -307,7 +307,7 @@ def test_messages_without_stamps_have_the_time_of_their_recording(convert, tmp_p
 
 
 @pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
-def test_packed_chunks_standard_messages_and_files_cut_short(convert, tmp_path, compression):
+def test_packed_chunks_standard_messages_and_files_cut_short_are_read(convert, tmp_path, compression):
     """The same messages in chunks, by the container's own writer, with and without their definitions."""
     writers = pytest.importorskip("mcap.writer")
     readers = pytest.importorskip("mcap.reader")
@@ -353,7 +353,7 @@ SIG_VALTYPE_ 256 Float : 1;
 
 
 @pytest.mark.parametrize("ending", ["blf", "asc", "log"])
-def test_signals_of_a_bus(convert, tmp_path, ending):
+def test_signals_of_a_bus_are_decoded(convert, tmp_path, ending):
     can, cantools = pytest.importorskip("can"), pytest.importorskip("cantools")
     (tmp_path / "car.dbc").write_text(DBC)
     database = cantools.database.load_string(DBC)

@@ -127,7 +127,7 @@ def test_start_values_need_no_resource_location(fmu, model, extracted, pack, tmp
     library.fmi2FreeInstance(component)
 
 
-def test_unidentified_values_only_on_demand(fmu, model, extracted, pack, fit, tmp_path):
+def test_unidentified_values_are_packed_only_on_demand(fmu, model, extracted, pack, fit, tmp_path):
     (one, _, new), _ = some_parameters(fmpy.read_model_description(extracted(fmu)))
     path = fit(command_name(model), {one: (new, False)})
     done = pack("--params", path, "--include-unidentified")  # the fit knows the vehicle
@@ -251,7 +251,7 @@ def test_unknown_models_are_refused(program):
     assert done.returncode == 2 and "bicycle" in done.stderr and "nursing-robot" in done.stderr
 
 
-def test_further_platforms(fmu, model, pack, tmp_path):
+def test_libraries_of_further_platforms_are_packed(fmu, model, pack, tmp_path):
     # the head of a DLL for 64-bit Windows: "MZ", and at 0x40 "PE" with the machine 0x8664
     library = tmp_path / "some.dll"
     content = b"MZ".ljust(0x3C, b"\0") + b"\x40\0\0\0PE\0\0\x64\x86" + bytes(64)

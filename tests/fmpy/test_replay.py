@@ -39,7 +39,7 @@ def test_replay_and_fmpy_agree(fmu, extracted, replay, tmp_path):
         assert np.allclose(result[name], wanted, rtol=1e-12, atol=1e-12), name
 
 
-def test_a_column_map_with_units_and_conditions(fmu, extracted, replay, tmp_path):
+def test_a_column_map_with_units_and_conditions_is_applied(fmu, extracted, replay, tmp_path):
     """The same log in other names and units gives the same result."""
     description = fmpy.read_model_description(extracted(fmu))
     log = make_log(description, rows=60, seed=32)

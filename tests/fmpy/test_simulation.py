@@ -102,7 +102,7 @@ def test_steps_longer_than_the_logs_rows_still_take_every_row(fmu, model, extrac
         assert close(np.float64(last), np.float64(expected[name][-1])), name
 
 
-def test_without_inputs(fmu, extracted):
+def test_a_simulation_without_inputs_runs(fmu, extracted):
     result = fmpy.simulate_fmu(extracted(fmu), stop_time=1.0)
     for name in result.dtype.names:
         assert np.isfinite(result[name].astype(float)).all(), name

@@ -61,13 +61,13 @@ def test_a_calibrated_chair_is_as_near_as_the_reference(case, run):
 
 
 @pytest.mark.parametrize("case", BOUNDS)
-def test_unlike_chairs_with_biased_sensors(case, run):
+def test_chairs_unlike_the_model_with_biased_sensors_are_followed(case, run):
     for chair in CHAIRS:
         for found in run(case, chair, BIAS, biased=True):
             hold(found, BOUNDS[case])
 
 
-def test_deviations_are_honest_on_a_climb(run):
+def test_standard_deviations_hold_on_a_climb(run):
     """The slope's and the speed's, edges and unknown rolling resistance included."""
     shares = [[f[name][2] for name in ("slope", "speed")] for chair in CHAIRS for f in run("climb", chair, BIAS, True)]
     assert np.min(shares) >= 0.88, np.min(shares, axis=0)

@@ -301,7 +301,7 @@ fn the_likelihood_is_that_of_the_dense_covariance() {
 /// A full covariance that is diagonal is the same as its diagonal; a correlated one is the same as
 /// measuring whitened combinations.
 #[test]
-fn full_covariances() {
+fn a_diagonal_covariance_is_the_same_as_its_variances() {
     let case = case("chain3_fixed_L3");
     let sensors = sensors(&case.data);
     let tree = case.body.equations().tree().clone();

@@ -19,7 +19,7 @@ fn tree(change: impl Fn(&mut Description)) -> Result<Tree, ModelError> {
 }
 
 #[test]
-fn trees() {
+fn bodies_that_are_no_trees_are_refused() {
     use ModelError::*;
     let refused = |change: &dyn Fn(&mut Description)| tree(change).unwrap_err();
     assert!(matches!(refused(&|d| d.joints[2].child = "l1".into()), KinematicLoop(_)));
@@ -58,7 +58,7 @@ fn body(tree: Tree, sensors: Vec<Sensor>, variances: &Variances) -> Result<Whole
 }
 
 #[test]
-fn sensors_and_variances() {
+fn impossible_sensors_and_variances_are_refused() {
     use ModelError::*;
     let plain = || tree(|_| ()).unwrap();
     let refused = |quantity: Quantity, target: &str, noise: Noise| {
@@ -208,7 +208,7 @@ fn stiff_models_stay_accurate() {
 }
 
 #[test]
-fn declared_variables() {
+fn the_names_of_the_contract_are_declared() {
     let names = |list: Vec<wheelstate::Variable>| list.into_iter().map(|v| v.name).collect::<Vec<_>>();
     let inputs = names(Inputs::declare());
     for name in ["q_lumbar_x", "qd_neck_z", "qdd_left_knee_y", "base_gyro_x", "base_angular_accel_z", "seat_force_x"] {
@@ -243,7 +243,7 @@ fn declared_variables() {
 }
 
 #[test]
-fn missing_and_infinite_samples_of_the_seated_body() {
+fn missing_and_infinite_samples_of_the_seated_body_are_left_out() {
     let mut estimator = estimator(&ALL);
     let inputs = sitting();
     estimator.step(&inputs, 0.01);

@@ -42,7 +42,7 @@ fn masses_add_up() {
 }
 
 #[test]
-fn centre_of_mass() {
+fn the_centre_of_mass_is_that_of_the_reference() {
     for name in CASES {
         let mut case = case(name);
         case.step(false);

@@ -8,7 +8,7 @@ use wheelstate::filter::savitzky_golay;
 use wheelstate::{Estimator, Status};
 
 #[test]
-fn means_and_variances() {
+fn means_and_variances_match_the_reference() {
     for name in CASES {
         let mut case = case(name);
         let status = case.step(true);
@@ -33,7 +33,7 @@ fn means_and_variances() {
 }
 
 #[test]
-fn entries_of_the_equations() {
+fn entries_of_the_equations_match_the_reference() {
     for name in CASES {
         let mut case = case(name);
         case.step(false);
@@ -56,7 +56,7 @@ fn entries_of_the_equations() {
 }
 
 #[test]
-fn orthogonal_method() {
+fn the_orthogonal_method_matches_the_reference() {
     for name in CASES {
         let mut case = case(name);
         case.step_by_qr();
@@ -69,7 +69,7 @@ fn orthogonal_method() {
 }
 
 #[test]
-fn savitzky_golay_derivatives() {
+fn savitzky_golay_derivatives_match_the_reference() {
     let data: serde_json::Value = serde_json::from_str(&vector_text("human_dynamics/savgol.json")).unwrap();
     let window = 2 * data["m"].as_u64().unwrap() as usize + 1;
     let dt = data["dt"].as_f64().unwrap();
@@ -91,7 +91,7 @@ fn savitzky_golay_derivatives() {
 /// A vector's posture and truth fed through the estimator: the default sensors reproduce the
 /// torques of inverse dynamics when all contacts are measured.
 #[test]
-fn torques_of_a_reference_posture() {
+fn torques_of_a_posture_match_the_reference() {
     let case = case("seated12_moving_compact");
     let mut estimator = estimator(&ALL);
     let order: Vec<String> = case.data["dof_names"].as_array().unwrap().iter().map(text).collect();

@@ -40,22 +40,22 @@ fn mass_follows(name: &str, law: Law, compensate: bool) {
 }
 
 #[test]
-fn mass_with_exponential_forgetting_and_sway_compensation() {
+fn mass_with_exponential_forgetting_and_sway_compensation_matches_the_reference() {
     mass_follows("taffrls_exp_comp", Law::Exponential, true);
 }
 
 #[test]
-fn mass_with_threshold_forgetting_and_sway_compensation() {
+fn mass_with_threshold_forgetting_and_sway_compensation_matches_the_reference() {
     mass_follows("taffrls_pw_comp", Law::Threshold, true);
 }
 
 #[test]
-fn mass_with_exponential_forgetting_and_plain_regressor() {
+fn mass_with_exponential_forgetting_and_plain_regressor_matches_the_reference() {
     mass_follows("taffrls_exp_plain", Law::Exponential, false);
 }
 
 #[test]
-fn mass_with_fixed_forgetting_and_plain_regressor() {
+fn mass_with_fixed_forgetting_and_plain_regressor_matches_the_reference() {
     mass_follows("taffrls_ffrls_plain", Law::Fixed, false);
 }
 
@@ -107,29 +107,29 @@ fn sway_follows(name: &str, change: impl Fn(&mut Parameters)) {
 }
 
 #[test]
-fn sway_with_the_printed_model() {
+fn sway_with_the_printed_model_matches_the_reference() {
     sway_follows("ukf_paper_raw", |p| (p.sway.model, p.sway.adaptive) = (SwayModel::PaperRaw, false));
 }
 
 #[test]
-fn sway_with_the_printed_model_in_corrected_units() {
+fn sway_with_the_printed_model_in_corrected_units_matches_the_reference() {
     sway_follows("ukf_paper", |p| (p.sway.model, p.sway.adaptive) = (SwayModel::Paper, false));
 }
 
 #[test]
-fn sway_with_the_sound_model_and_fixed_noise() {
+fn sway_with_the_sound_model_and_fixed_noise_matches_the_reference() {
     sway_follows("ukf_sound_fixed", |p| {
         (p.sway.model, p.sway.adaptive, p.sway.process_psd.hip_torque) = (SwayModel::Sound, false, 2.0);
     });
 }
 
 #[test]
-fn sway_with_the_sound_model_and_adapted_noise() {
+fn sway_with_the_sound_model_and_adapted_noise_matches_the_reference() {
     sway_follows("ukf_sound_adaptive", |p| p.sway.model = SwayModel::Auto);
 }
 
 #[test]
-fn sway_with_tilt_and_tilt_rate() {
+fn sway_with_tilt_and_tilt_rate_matches_the_reference() {
     sway_follows("ukf_sound_d_imu", |p| (p.sway.use_tilt, p.sway.use_tilt_rate) = (true, true));
 }
 

@@ -96,7 +96,7 @@ fn the_motion_begins_with_the_first_measurement() {
 }
 
 #[test]
-fn a_jump_of_all_sensors_is_rejected_then_followed_and_teaches_nothing() {
+fn a_jump_of_all_sensors_is_rejected_then_followed_and_changes_no_unknown() {
     let mut samples = drive(12.0, 2.5, 10, lively);
     for inputs in &mut samples[600..] {
         inputs.speed += 1.0;

@@ -40,7 +40,7 @@ fn coasting_moves_the_unknowns_only_within_their_std() {
 }
 
 #[test]
-fn torque_without_slip_is_called_inconsistent_and_forgotten() {
+fn torque_without_slip_is_called_inconsistent_and_resets_the_unknowns() {
     for (seed, noise) in [(3, 0.0), (4, 0.02)] {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut noisy = |value: f64| {

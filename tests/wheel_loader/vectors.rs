@@ -106,27 +106,27 @@ fn compare(p: &Parameters, file: &str) -> usize {
 }
 
 #[test]
-fn srukf_in_array_form() {
+fn srukf_in_array_form_matches_the_reference() {
     let held = compare(&vector_parameters(), "srukf_logit_array");
     println!("{held} rows held");
 }
 
 #[test]
-fn srukf_in_andrews_form() {
+fn srukf_in_andrews_form_matches_the_reference() {
     let mut p = vector_parameters();
     p.filter.form = Form::Andrews;
     compare(&p, "srukf_logit_andrews");
 }
 
 #[test]
-fn ekf() {
+fn ekf_matches_the_reference() {
     let mut p = vector_parameters();
     p.filter.kind = Kind::Extended;
     compare(&p, "ekf_logit");
 }
 
 #[test]
-fn srukf_in_direct_coordinates_with_the_narrow_spread() {
+fn srukf_in_direct_coordinates_with_the_narrow_spread_matches_the_reference() {
     let mut p = vector_parameters();
     p.filter.parameters = Coordinates::Direct;
     p.filter.alpha = 0.01;
@@ -166,7 +166,7 @@ fn ekf_agrees_with_the_covariance_form() {
 }
 
 #[test]
-fn plant_logs_replay() {
+fn logs_of_the_reference_plant_are_replayed() {
     for (file, lambda) in [("plantlog_bumpy_C", 0.45), ("plantlog_spade6k_C", 0.45), ("plantlog_accbrake_A", 0.45)] {
         let table = vector_table(&format!("wheel_loader/{file}.csv"));
         let mut p = parameters([15.0, 1.05, 0.5], [0.8, 0.35, 0.5]);

@@ -154,7 +154,7 @@ fn rows_taken_one_by_one_equal_the_joint_update() {
             used: std::array::from_fn(|row| lost >> row & 1 == 0),
         };
         let mut posterior = prior;
-        let told = ekf::correct(&mut posterior, &rows, None).unwrap();
+        let correction = ekf::correct(&mut posterior, &rows, None).unwrap();
 
         let chosen: Vec<usize> = (0..6).filter(|row| rows.used[*row]).collect();
         let h = nalgebra::DMatrix::from_fn(chosen.len(), 8, |i, j| rows.jacobian[(chosen[i], j)]);
@@ -166,11 +166,11 @@ fn rows_taken_one_by_one_equal_the_joint_update() {
         let gain = prior.covariance * h.transpose() * &inverse;
         let (mean, covariance) = (prior.mean + &gain * &nu, prior.covariance - &gain * &h * prior.covariance);
         assert!((posterior.mean - mean).amax() < 1e-9 && (posterior.covariance - covariance).amax() < 1e-9);
-        assert_eq!(told.dof, chosen.len());
+        assert_eq!(correction.dof, chosen.len());
         if !chosen.is_empty() {
             let nis = nu.dot(&(inverse * &nu));
             let likelihood = -0.5 * (nis + determinant.ln() + chosen.len() as f64 * std::f64::consts::TAU.ln());
-            assert!((told.nis - nis).abs() < 1e-9 * nis && (told.log_likelihood - likelihood).abs() < 1e-8);
+            assert!((correction.nis - nis).abs() < 1e-9 * nis && (correction.log_likelihood - likelihood).abs() < 1e-8);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Ground that is not as the initial heading says, and ground that shakes the chair: pavements, cobbles.
 
-use super::rides::{Ride, Scores, ride, scores, tilted_from, told};
+use super::rides::{Ride, Scores, ride, scores, tilted_from, with_heading};
 use super::runs::{Normal, estimate};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3};
 use wheelstate::estimator::wheelchair::Kind;
@@ -19,7 +19,7 @@ fn runs(setup: &Ride, heading: f64, kind: Kind, from: f64, to: f64) -> Vec<Score
                 setup.sensors.gyro_bias = 0.01 * normal.draw();
             }
             let rows = ride(&setup, &mut normal);
-            let mut p = told(heading);
+            let mut p = with_heading(heading);
             p.filter.kind = kind;
             scores(&rows, &estimate(&p, &rows), from, to)
         })
@@ -36,7 +36,7 @@ fn across(degrees: f64, moment_reported: bool) -> Ride {
 
 /// The chair drives along the contour of a pavement's cross slope: its pitch is zero.
 #[test]
-fn a_cross_slope_pulls_no_pitch_and_is_found() {
+fn a_cross_slope_disturbs_no_pitch_and_is_found() {
     for kind in KINDS {
         for degrees in [-3.0, 0.5, 1.0, 2.0, 4.0] {
             for reported in [true, false] {
@@ -65,7 +65,7 @@ fn a_cross_slope_pulls_no_pitch_and_is_found() {
 }
 
 /// A pavement on which the ride begins, a ramp across it, circles on it, a ramp that lies otherwise than was said, a chair
-/// that is held against the slope by hands of which nobody tells: whatever the ground, nothing is wrong and sure.
+/// that hands hold against the slope with an unreported moment: whatever the ground, no estimate is wrong and sure.
 #[test]
 fn on_no_ground_an_estimate_is_wrong_and_healthy() {
     let base = Ride::default();
@@ -80,8 +80,8 @@ fn on_no_ground_an_estimate_is_wrong_and_healthy() {
         ("flat, cross slope, ramp", Ride { ramp, cross, moment_reported: false, ..base }, FRAC_PI_2),
         ("circles", Ride { cross, turning: 0.3, ..base }, FRAC_PI_2),
         ("circles, unreported", Ride { cross, turning: -0.4, moment_reported: false, ..base }, FRAC_PI_2),
-        ("ramp at 60 degrees, told 90", Ride { ramp, heading: FRAC_PI_3, ..base }, FRAC_PI_2),
-        ("ramp at 90 degrees, told 0", Ride { ramp, ..base }, 0.0),
+        ("ramp at 60 degrees, initial heading 90", Ride { ramp, heading: FRAC_PI_3, ..base }, FRAC_PI_2),
+        ("ramp at 90 degrees, initial heading 0", Ride { ramp, ..base }, 0.0),
         (
             "ramp at 60 degrees, unreported",
             Ride { ramp, heading: FRAC_PI_3, moment_reported: false, ..base },

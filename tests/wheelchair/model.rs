@@ -166,7 +166,7 @@ fn same_slope<const M: usize, const N: usize>(what: &str, actual: &SMatrix<f64, 
 }
 
 #[test]
-fn jacobians_of_all_forms_are_the_slopes_of_their_functions() {
+fn jacobians_of_all_forms_are_the_derivatives_of_their_functions() {
     for point in points("jac_points.csv") {
         let chair = reference_chair(&point.variant);
         let u = Command::new(point.get("u_f"), point.get("u_r"));

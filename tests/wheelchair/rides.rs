@@ -83,8 +83,8 @@ pub fn ride(ride: &Ride, normal: &mut Normal) -> Vec<Row> {
                 noise.accel[axis] += level * *vibration;
             }
             let reading = plant.measure(command, &noise);
-            let told = [command[0], if ride.moment_reported { command[1] } else { 0.0 }];
-            let row = Row { time, truth, inputs: inputs(&reading, told) };
+            let reported = [command[0], if ride.moment_reported { command[1] } else { 0.0 }];
+            let row = Row { time, truth, inputs: inputs(&reading, reported) };
             plant.advance(command, 0.01);
             turned += 0.01 * plant.truth().yaw_rate;
             row
@@ -152,7 +152,7 @@ pub fn scores(rows: &[Row], outputs: &[Outputs], from: f64, to: f64) -> Scores {
 }
 
 /// Defaults, but for the heading relative to the ramp.
-pub fn told(heading: f64) -> Parameters {
+pub fn with_heading(heading: f64) -> Parameters {
     let mut parameters = Parameters::default();
     parameters.initial.heading = heading;
     parameters

@@ -15,7 +15,7 @@ fn rmse(outputs: &[Outputs], log: &[(Inputs, [f64; 3])]) -> [f64; 3] {
 }
 
 #[test]
-fn standstill() {
+fn a_standing_robot_is_known_to_stand_only_from_its_wheels() {
     let log = drive(1, 10.0, 0.0, 0.0);
     let mut p = parameters(Channels::WheelSpeed);
     p.initial.speed_x = 0.0;
@@ -59,7 +59,7 @@ fn nothing(i: &mut Inputs) {
 }
 
 #[test]
-fn missing_and_infinite_samples() {
+fn missing_and_infinite_samples_are_bridged_and_said() {
     let log = drive(3, 10.0, 3.0, 0.15);
     let p = parameters(Channels::WheelSpeed);
     let whole = rmse(&run(&p, &log, |_, _| {}), &log);
@@ -127,7 +127,7 @@ fn an_outlier_is_gated() {
 }
 
 #[test]
-fn time_steps() {
+fn unusable_time_steps_change_nothing_and_long_ones_restart() {
     let log = drive(5, 4.0, 3.0, 0.15);
     let mut estimator = WheeledRobot::new(&parameters(Channels::WheelSpeed)).unwrap();
     log[..200].iter().for_each(|(inputs, _)| {
@@ -216,7 +216,7 @@ fn parameters_are_refused_by_name() {
 }
 
 #[test]
-fn columns_that_a_log_lacks() {
+fn other_channels_replace_those_that_a_log_lacks() {
     let log = drive(6, 8.0, 3.0, 0.15);
     // neither torques nor wheel speeds, but a reference speed: forces from the accelerometer
     let mut p = parameters(Channels::WheelSpeed);

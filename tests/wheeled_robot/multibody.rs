@@ -90,7 +90,7 @@ fn errors(table: &Table, p: &Parameters) -> ([f64; 5], [f64; 3]) {
 }
 
 #[test]
-fn multibody_car() {
+fn motion_and_forces_of_a_multibody_car_are_followed() {
     println!("scenario: Fx observer, Fx torque/radius, N; fitted tyres: vx vy m/s, r rad/s; nominal tyres: vy");
     // limits of the force (N) and of the longitudinal speed (m/s)
     for (name, friction, force, speed_x) in [

@@ -50,7 +50,7 @@ fn robot(combined: bool) -> WheeledRobot {
 }
 
 #[test]
-fn magic_formula() {
+fn the_magic_formula_matches_the_reference() {
     let params = params();
     let text = vector_text(&format!("{FOLDER}/magic.csv"));
     let sets: Vec<_> = text.lines().skip(1).map(|line| line.split(',').next().unwrap().to_owned()).collect();
@@ -69,7 +69,7 @@ fn magic_formula() {
 }
 
 #[test]
-fn loads() {
+fn wheel_loads_match_the_reference() {
     let (robot, table) = (robot(false), vector_table(&format!("{FOLDER}/loads.csv")));
     for row in 0..table.rows.len() {
         let loads = robot.loads(table.at(row, "ax"), table.at(row, "ay"));
@@ -82,7 +82,7 @@ fn loads() {
 }
 
 #[test]
-fn model() {
+fn the_model_matches_the_reference() {
     let table = vector_table(&format!("{FOLDER}/model.csv"));
     for row in 0..table.rows.len() {
         let at = |name: &str| table.at(row, name);
@@ -112,7 +112,7 @@ fn model() {
 }
 
 #[test]
-fn sliding_mode_observer() {
+fn the_sliding_mode_observer_matches_the_reference() {
     let params = params();
     for variant in ["fixed", "nominal", "feedforward", "adaptive", "limited"] {
         let v = &params["asmo"][variant];
@@ -160,7 +160,7 @@ fn sliding_mode_observer() {
 }
 
 #[test]
-fn cubature_filter() {
+fn the_cubature_filter_matches_the_reference() {
     let (params, robot) = (params(), robot(false));
     let v = &params["srckf"];
     let list = |key: &str| Vector3::from_iterator(v[key].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()));

@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn the_head_of_a_file_tells_its_platform() {
+    fn the_header_of_a_file_names_its_platform() {
         let mut elf = b"\x7fELF\x02\x01".to_vec();
         elf.resize(64, 0);
         elf[18] = 183;

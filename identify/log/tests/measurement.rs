@@ -161,7 +161,7 @@ impl File {
         self
     }
 
-    /// Groups that share one data block; `order` tells whose record comes next.
+    /// Groups that share one data block; `order` says whose record comes next.
     pub fn unsorted(mut self, groups: &[Group], order: &[usize]) -> Self {
         let mut first = 0;
         for (id, group) in groups.iter().enumerate().rev() {

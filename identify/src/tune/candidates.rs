@@ -83,7 +83,7 @@ mod tests {
 
     /// The names tell a reader the same: `*_psd` and `variance` are powers, `*_std` is none.
     #[test]
-    fn powers_are_told_from_standard_deviations() {
+    fn powers_are_distinguished_from_standard_deviations() {
         let mut settings = Settings(Vec::new());
         estimator::visit_all(&mut settings);
         assert!(settings.0.len() > 40, "{}", settings.0.len());

@@ -64,7 +64,7 @@ fn imus(table: &str) -> bool {
 /// Bowing: more sensors never raise a variance; the ankles hardly gain, the hips do; the truth lies
 /// within two standard deviations.
 #[test]
-fn bowing_in_three_cases() {
+fn more_sensors_narrow_the_torques_of_a_bow_that_stay_within_their_variances() {
     let request = request("bowing", 1, &[]);
     let full = human_dynamics::VEHICLE.simulate(&request).unwrap();
     let log = thin(&full, 120);
@@ -146,7 +146,7 @@ fn an_unknown_weight_shows_in_loose_equations_least() {
 
 /// The seated person's passive joints come out of the estimated torques.
 #[test]
-fn passive_joints_of_the_seated_person() {
+fn the_passive_joints_of_a_seated_person_are_fitted_and_covered() {
     let log = human_dynamics::VEHICLE.simulate(&request("seated-braking", 3, &[("plant.duration", 12.0)])).unwrap();
     let report = human_dynamics::VEHICLE.fit(&[log], &FitRequest::default(), &Progress::none()).unwrap();
     let truth = [
@@ -196,7 +196,7 @@ fn unobservable_joints_are_not_fitted() {
 
 /// Estimates of the seated scenario with the seat's own force sensor and without.
 #[test]
-fn seated_torques_and_their_spread() {
+fn every_further_sensor_narrows_the_seated_torques() {
     use wheelstate::estimator::human_dynamics::variables::JOINTS;
     use wheelstate::estimator::human_dynamics::{HumanDynamics as Seated, Inputs, Outputs, Parameters};
     use wheelstate::{Estimator, Variables};
@@ -287,7 +287,7 @@ fn with(sensor: &str) -> String {
 }
 
 #[test]
-fn estimate_on_the_command_line() {
+fn the_command_estimates_the_torque_of_a_lean() {
     let sensor = "type = \"joint_acceleration\"\njoint = \"ankle\"\nvariance = 1e-6\ncolumns = [\"qdd_ankle\"]\n\
                   \n[[sensor]]\ntype = \"net_ext_wrench\"\nlink = \"head\"\nvariance = 1e-6\nvalue = 0.0";
     let (code, _, result) = run(&with(sensor), LOG);
@@ -305,7 +305,7 @@ fn estimate_on_the_command_line() {
 
 /// A gyroscope behind the fixed neck, turned by a right angle about z: its x axis is the ankle's.
 #[test]
-fn a_gyroscope_is_held_against_the_rates_of_the_joints() {
+fn a_gyroscope_is_compared_with_the_rates_of_the_joints() {
     let sensor = with(
         "type = \"gyroscope\"\nlink = \"head\"\nrpy = [0, 0, 1.5707963267948966]\n\
                        variance = 1e-4\ncolumns = [\"w_x\", \"w_y\", \"w_z\"]",

@@ -1,5 +1,5 @@
-//! Accuracy of the online estimates over many simulated patients, against the acceptance table of the
-//! specification (M2-M6, U2-U5), and whether the reported standard deviations are honest.
+//! Accuracy of the online estimates over many simulated patients, with the bounds of
+//! the acceptance table, and whether the reported standard deviations are consistent with the errors.
 
 use super::drive::{PERIOD, estimates, rms, simulated};
 use crate::support::{median, quantile};
@@ -74,7 +74,7 @@ fn mass_runs(scenario: &str) -> Vec<MassRun> {
 }
 
 #[test]
-fn m2_smooth_start() {
+fn a_smooth_start_weighs_the_patient() {
     let runs = mass_runs("smooth-start");
     within("final error, %", &runs.iter().map(MassRun::last).collect::<Vec<_>>(), 0.8, 2.5);
     let settling: Vec<f64> = runs.iter().map(|run| run.settling(0.5)).collect();
@@ -82,26 +82,26 @@ fn m2_smooth_start() {
 }
 
 #[test]
-fn m3_abrupt_start_with_wrong_rolling_and_torque_scale() {
+fn an_abrupt_start_weighs_with_wrong_rolling_and_torque_scale() {
     let runs = mass_runs("abrupt-start");
     within("final error, %", &runs.iter().map(MassRun::last).collect::<Vec<_>>(), 3.0, 7.0);
 }
 
 #[test]
-fn m4_restless_start() {
+fn a_restless_start_weighs_the_patient() {
     let runs = mass_runs("restless-start");
     within("final error, %", &runs.iter().map(MassRun::last).collect::<Vec<_>>(), 4.0, 8.0);
 }
 
 #[test]
-fn m5_new_patient_at_a_stop() {
+fn a_new_patient_is_weighed_after_a_stop() {
     let runs = mass_runs("new-patient");
     within("rms error of the last 6 s, %", &runs.iter().map(MassRun::last_6_s).collect::<Vec<_>>(), 1.2, 2.5);
     assert!(runs.iter().all(|run| run.settling(16.0).is_finite()), "a run did not settle");
 }
 
 #[test]
-fn m6_load_taken_off_while_driving() {
+fn a_load_taken_off_while_driving_is_followed() {
     let runs = mass_runs("load-drop");
     within("rms error of the last 6 s, %", &runs.iter().map(MassRun::last_6_s).collect::<Vec<_>>(), 1.5, 3.0);
     assert!(runs.iter().all(|run| run.settling(20.0).is_finite()), "a run did not settle");
@@ -128,14 +128,14 @@ fn with_imu(p: &mut Parameters) {
 }
 
 #[test]
-fn u2_release_from_a_lean() {
+fn the_sway_follows_a_release_from_a_lean() {
     let (error, inside) = pitch("release", 2.0, |_| {});
     within("pitch, mrad", &error, 3.0, 6.0);
     assert!(median(&inside) > 0.9);
 }
 
 #[test]
-fn u3_coughs_with_adapted_noise() {
+fn the_sway_follows_coughs_with_adapted_noise() {
     let (adaptive, inside) = pitch("coughs", 0.0, |_| {});
     let (fixed, _) = pitch("coughs", 0.0, |p| p.sway.adaptive = false);
     within("pitch, adapted, mrad", &adaptive, 16.0, 40.0);
@@ -145,7 +145,7 @@ fn u3_coughs_with_adapted_noise() {
 }
 
 #[test]
-fn u4_tilt_and_tilt_rate_see_everything() {
+fn tilt_and_tilt_rate_show_the_whole_sway() {
     for scenario in ["coughs", "lean", "disturbed"] {
         let (error, inside) = pitch(scenario, 0.0, with_imu);
         within(&format!("{scenario}: pitch, mrad"), &error, 3.0, 3.0);
@@ -180,7 +180,7 @@ fn a_sway_that_only_explains_a_wrong_mass_is_not_healthy() {
 /// U5: a kept lean cannot be seen from the wheels. The estimate stays near the rest posture, and its
 /// standard deviation, not its value, must account for the lean.
 #[test]
-fn u5_a_kept_lean_is_not_claimed_from_wheels_alone() {
+fn a_kept_lean_is_not_claimed_from_wheels_alone() {
     let (error, inside) = pitch("lean", 6.0, |_| {});
     println!("lean: error {:.0} mrad, {:.2} within 2 std", median(&error), median(&inside));
     assert!(median(&error) > 100.0, "wheels alone cannot see a kept lean");

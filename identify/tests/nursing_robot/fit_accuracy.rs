@@ -1,5 +1,5 @@
 //! Accuracy of the nursing robot's identification over simulated patients, and whether the intervals
-//! are honest. The plant is the exact five-coordinate robot with motor lag, sensor noise and quantisation.
+//! hold the truth as often as they say. The plant is the exact five-coordinate robot with motor lag, sensor noise and quantisation.
 
 use crate::support::{median, quantile};
 use wheelstate::Variables;
@@ -110,7 +110,7 @@ fn assert_honest(all: &[Scores]) {
 }
 
 #[test]
-fn weak_form_over_patients() {
+fn the_weak_form_finds_the_joints_of_many_patients() {
     let all = scores(0..64, &FitRequest::default());
     for (name, typical, rare) in BOUNDS {
         let of = all.iter().find(|one| one.name == name).unwrap();
@@ -155,14 +155,14 @@ fn a_mass_alone_allows_for_the_rolling_coefficient() {
 }
 
 #[test]
-fn the_output_error_is_as_honest() {
+fn the_intervals_of_the_output_error_fit_hold_the_truth() {
     let refined = FitRequest { refine: true, ..FitRequest::default() };
     assert_honest(&scores(0..24, &refined));
     assert_honest(&scores(0..24, &FitRequest { correct: true, ..refined }));
 }
 
 #[test]
-fn output_error_from_wheels_alone() {
+fn the_output_error_fit_finds_the_joints_from_wheels_alone() {
     let (mut stiffness, mut damping) = (Vec::new(), Vec::new());
     for seed in 0..16 {
         let (log, parameters, request) = patient(seed);

@@ -90,7 +90,7 @@ fn flagged(outcome: &Outcome) {
 }
 
 #[test]
-fn nothing_wrong() {
+fn a_faultless_drive_weighs_the_person_and_is_healthy() {
     let outcome = drive(|_, _, _| true);
     near(&outcome, 2.0, 4.0);
     assert!(outcome.end().diagnostics.healthy);
@@ -98,7 +98,7 @@ fn nothing_wrong() {
 }
 
 #[test]
-fn zero_speed() {
+fn without_motion_the_mass_is_not_valid() {
     let outcome = drive(|_, x, _| {
         x.speed = 0.0;
         true
@@ -111,7 +111,7 @@ fn zero_speed() {
 }
 
 #[test]
-fn zero_torque_while_moving() {
+fn motion_without_torque_is_flagged() {
     flagged(&drive(|_, x, _| {
         (x.torque_left, x.torque_right) = (0.0, 0.0);
         true
@@ -119,7 +119,7 @@ fn zero_torque_while_moving() {
 }
 
 #[test]
-fn reversed_torque() {
+fn a_reversed_torque_is_flagged() {
     flagged(&drive(|_, x, _| {
         (x.torque_left, x.torque_right) = (-x.torque_left, -x.torque_right);
         true
@@ -127,7 +127,7 @@ fn reversed_torque() {
 }
 
 #[test]
-fn reversed_speed() {
+fn a_reversed_speed_is_flagged() {
     flagged(&drive(|_, x, _| {
         x.speed = -x.speed;
         true
@@ -135,7 +135,7 @@ fn reversed_speed() {
 }
 
 #[test]
-fn half_the_torque() {
+fn half_the_torque_is_flagged() {
     flagged(&drive(|_, x, _| {
         (x.torque_left, x.torque_right) = (0.5 * x.torque_left, 0.5 * x.torque_right);
         true
@@ -143,7 +143,7 @@ fn half_the_torque() {
 }
 
 #[test]
-fn one_speed_missing() {
+fn one_missing_speed_blocks_the_mass_for_0_4_s() {
     let outcome = drive(|row, x, _| {
         x.speed = if row == 160 { f64::NAN } else { x.speed };
         true
@@ -156,7 +156,7 @@ fn one_speed_missing() {
 }
 
 #[test]
-fn twenty_speeds_missing_in_the_ramp() {
+fn twenty_missing_speeds_in_the_ramp_cost_some_accuracy() {
     let outcome = drive(|row, x, _| {
         x.speed = if (150..170).contains(&row) { f64::NAN } else { x.speed };
         true
@@ -166,7 +166,7 @@ fn twenty_speeds_missing_in_the_ramp() {
 }
 
 #[test]
-fn five_torques_missing() {
+fn five_missing_torques_are_held() {
     let outcome = drive(|row, x, _| {
         x.torque_left = if (150..155).contains(&row) { f64::NAN } else { x.torque_left };
         true
@@ -176,7 +176,7 @@ fn five_torques_missing() {
 }
 
 #[test]
-fn five_samples_dropped() {
+fn five_dropped_samples_are_bridged() {
     let outcome = drive(|row, _, dt| {
         *dt = if row == 155 { 6.0 * PERIOD } else { PERIOD };
         !(150..155).contains(&row)

@@ -116,7 +116,7 @@ fn trips_are_one_fit_with_a_law_of_the_rolling_coefficient() {
 }
 
 #[test]
-fn mass_and_rolling_resistance_of_real_trips() {
+fn mass_and_rolling_resistance_of_real_trips_are_found() {
     let Some(folder) = data() else { return };
     let (mut masses, mut rolling, mut ambient, mut heavy) = (Vec::new(), Vec::new(), Vec::new(), None);
     let mut disagreement = Vec::new();
@@ -158,7 +158,7 @@ fn mass_and_rolling_resistance_of_real_trips() {
     let correlation = rank_correlation(&ambient, &rolling);
     println!("median {median:.0} kg; rank correlation of f with temperature {correlation:.2}");
     assert!(correlation < -0.7);
-    // The standard errors are honest if the halves of a trip differ by about as much as they say.
+    // The standard errors hold if the halves of a trip differ by about as much as they say.
     let z = mean(&disagreement).sqrt();
     println!("halves of a trip: rms difference {z:.2} standard errors");
     assert!(z < 2.0);

@@ -48,7 +48,7 @@ fn assert_generalises(report: &TuneReport) {
 }
 
 #[test]
-fn nursing_robot() {
+fn tuning_improves_the_nursing_robot_on_an_unseen_log() {
     let vehicle = &nursing_robot::VEHICLE;
     let logs = || [("coughs", 1), ("smooth-start", 2), ("lean", 3)].map(|(name, seed)| log(vehicle, name, seed, &[]));
     let report = tuned(vehicle, logs(), Objective::Nll, &[]);
@@ -61,7 +61,7 @@ fn nursing_robot() {
 }
 
 #[test]
-fn wheel_loader() {
+fn tuning_improves_the_wheel_loader_on_an_unseen_log() {
     let vehicle = &wheel_loader::VEHICLE;
     let logs =
         [("bumpy-c", 1), ("bumpy-d", 2), ("accelerate-brake", 3)].map(|(name, seed)| log(vehicle, name, seed, &[]));
@@ -69,7 +69,7 @@ fn wheel_loader() {
 }
 
 #[test]
-fn wheelchair() {
+fn tuning_improves_the_wheelchair_on_an_unseen_log() {
     let vehicle = &wheelchair::VEHICLE;
     let logs = || [("climb", 1), ("yaw-moment", 2), ("oblique", 3)].map(|(name, seed)| log(vehicle, name, seed, &[]));
     assert_generalises(&tuned(vehicle, logs(), Objective::Nll, &[]));
@@ -78,7 +78,7 @@ fn wheelchair() {
 }
 
 #[test]
-fn human_dynamics() {
+fn tuning_improves_the_human_body_on_an_unseen_log() {
     let vehicle = &human_dynamics::VEHICLE;
     let logs = [1, 2, 3].map(|seed| {
         let mut log = log(vehicle, "seated-braking", seed, &[]);

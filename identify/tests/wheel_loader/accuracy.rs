@@ -153,7 +153,7 @@ fn covered(runs: &[Run], i: usize) -> f64 {
     runs.iter().filter(|run| run.score[i].abs() < 2.0).count() as f64 / runs.len() as f64
 }
 
-/// What must hold wherever the estimator runs: no repair, no false alarm, honest standard deviations.
+/// What must hold wherever the estimator runs: no repair, no false alarm, consistent standard deviations.
 fn sound(runs: &[Run]) {
     assert!(runs.iter().all(|run| !run.failed), "the factor had to be repaired");
     assert!(runs.iter().all(|run| !run.contradicted), "a sound machine was called contradicted");
@@ -176,7 +176,7 @@ const H: usize = 1;
 const LAMBDA: usize = 2;
 
 #[test]
-fn average_road() {
+fn the_load_ratio_is_found_on_an_average_road() {
     for scenario in ["bumpy-c", "spade", "spade-heavy"] {
         let runs = study(&Parameters::default(), scenario, &[]);
         describe(scenario, &runs);
@@ -187,7 +187,7 @@ fn average_road() {
 }
 
 #[test]
-fn poor_road() {
+fn the_load_ratio_is_found_on_a_poor_road() {
     let [runs, before] = studies([&Parameters::default(), &as_in_the_study()], "bumpy-d", &[]);
     describe("bumpy-d", &runs);
     sound(&runs);
@@ -201,7 +201,7 @@ fn poor_road() {
 }
 
 #[test]
-fn accelerating_and_braking() {
+fn accelerating_and_braking_reveals_the_height() {
     let runs = study(&Parameters::default(), "accelerate-brake", &[]);
     describe("accelerate-brake", &runs);
     sound(&runs);
@@ -214,7 +214,7 @@ fn accelerating_and_braking() {
 /// Traction up to two thirds of the friction, and rolling radii that follow the load, which the model
 /// does not know: the standard deviations say it.
 #[test]
-fn strong_traction_and_soft_tyres() {
+fn strong_traction_and_soft_tyres_stay_within_the_standard_deviations() {
     for settings in [
         &[("plant.torque", 2.2)][..],
         &[("plant.radius_softness", 0.05)],
@@ -229,7 +229,7 @@ fn strong_traction_and_soft_tyres() {
 }
 
 #[test]
-fn constant_torque() {
+fn constant_torque_gives_a_rough_load_ratio() {
     let runs = study(&Parameters::default(), "constant-torque", &[]);
     describe("constant-torque", &runs);
     sound(&runs);
@@ -240,7 +240,7 @@ fn constant_torque() {
 /// and a prior as wide as the error, accelerating and braking reveals it, and where torque is
 /// constant the standard deviations say that nothing can be known.
 #[test]
-fn wrong_radii() {
+fn wrong_radii_are_found_or_widen_the_standard_deviations() {
     let mut wide = Parameters::default();
     wide.initial.wheel_radius_std = 0.003;
     for error in [0.003, -0.003] {

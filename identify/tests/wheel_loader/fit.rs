@@ -76,7 +76,7 @@ fn accelerating_and_braking_identifies_everything() {
 }
 
 #[test]
-fn known_radii() {
+fn with_known_radii_the_centre_of_gravity_is_found() {
     let only = ["rolling.coefficient", "initial.slip_stiffness", "initial.cg_ratio", "initial.cg_height"];
     let request = FitRequest { only: only.map(str::to_owned).to_vec(), ..request() };
     let reports = study("accelerate-brake", &[], &request, 20);

@@ -1,5 +1,5 @@
 //! The loader's estimator on machines, drives and settings drawn at random, with damaged logs: it never
-//! fails, nothing leaves the numbers, and the standard deviations stay honest although every machine
+//! fails, nothing leaves the numbers, and the standard deviations stay consistent although every machine
 //! differs from the model in its tyres.
 
 use rand::{RngExt, SeedableRng};
@@ -163,7 +163,7 @@ fn covered(runs: &[&Run], i: usize) -> f64 {
 }
 
 #[test]
-fn random_machines() {
+fn estimates_of_random_machines_keep_to_their_standard_deviations() {
     let runs: Vec<Run> = (0..RUNS).into_par_iter().map(run).collect();
     for run in &runs {
         assert!(!run.failed && run.finite, "{}", run.what);

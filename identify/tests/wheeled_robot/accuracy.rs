@@ -172,7 +172,7 @@ fn a_torque_bias_goes_into_the_force_as_it_must() {
 }
 
 #[test]
-fn motion_on_the_sine_with_each_set_of_channels() {
+fn the_motion_on_the_sine_is_found_with_each_set_of_channels() {
     let logs = seeds("sine", 5);
     let p = |channels| parameters("sine", channels);
     let mut none = p(Channels::Patent);
@@ -192,7 +192,7 @@ fn motion_on_the_sine_with_each_set_of_channels() {
 }
 
 #[test]
-fn motion_with_wheel_speeds_in_all_scenarios() {
+fn the_motion_is_found_with_wheel_speeds_in_all_scenarios() {
     for scenario in SCENARIOS {
         let p = parameters(scenario, Channels::WheelSpeed);
         let logs = seeds(scenario, 2);
@@ -231,7 +231,7 @@ fn doubt_about_constants_that_are_right_costs_little() {
 /// and of the steering angle enters too and is carried further without samples: the equations alone give 1.26 in the
 /// step's turn (`tests/oracles/wheeled_robot_half_rate.py`). Without that noise the step costs 1.12.
 #[test]
-fn every_second_sample_missing() {
+fn every_second_sample_may_be_missing() {
     for (scenario, limit) in SCENARIOS.map(|s| (s, if s == "lane-change" || s == "step-steer" { 1.25 } else { 1.2 })) {
         let (p, logs) = (parameters(scenario, Channels::WheelSpeed), seeds(scenario, 8));
         let halved = run_halved(&logs[0], &p);

@@ -1,4 +1,4 @@
-//! Tyre parameters of the built-in plant: stiffness from gentle and strong driving, honest verdicts,
+//! Tyre parameters of the built-in plant: stiffness from gentle and strong driving, true verdicts,
 //! and what the observer's forces cost.
 
 use nalgebra::{Matrix4, Vector4};
@@ -35,7 +35,7 @@ fn tires(logs: &[Log], start: &[(&str, f64)]) -> FitReport {
 }
 
 #[test]
-fn stiffness_from_strong_steering_with_the_observers_forces() {
+fn strong_steering_gives_the_stiffness_with_the_observers_forces() {
     let log = log("sine", 3, &[("plant.lateral", 5.0), ("plant.duration", 20.0)]);
     // start values that are 30 % off
     let start = [("tire.front.stiffness", 0.7 * STIFFNESS), ("tire.rear.stiffness", 1.3 * STIFFNESS)];

@@ -129,7 +129,7 @@ fn crosswise(log: &Log, p: &Parameters) -> Worth {
 /// The car stands during the first half, which shows no tyre, so that the second one is driven with the start values;
 /// the reference alone is as noisy as 0.011 m/s at rest.
 #[test]
-fn niki_at_low_speed_with_tyres_fitted_on_the_other_half() {
+fn the_lateral_speed_of_niki_is_found_with_tyres_fitted_on_the_other_half() {
     let Some(log) = recording("niki_gti/Low_Speed.csv", "niki_gti.toml") else { return };
     let found = crosswise(&log, &niki());
     println!("Niki, low speed: {found:.4?}, open-loop bicycle 0.038 m/s");
@@ -138,7 +138,7 @@ fn niki_at_low_speed_with_tyres_fitted_on_the_other_half() {
 
 /// Axle forces up to 1.6 g contradict the friction of 1.0 that a new user gives; the fit says so and finds another.
 #[test]
-fn revs_at_the_limit_with_tyres_fitted_on_the_other_half() {
+fn the_lateral_speed_of_revs_at_the_limit_is_found_with_tyres_fitted_on_the_other_half() {
     let Some(log) = recording("revs_250lm/250lm_t150_400.csv", "revs_250lm.toml") else { return };
     let found = crosswise(&log, &revs());
     println!("REVS 250 LM: {found:.4?}, open-loop bicycle 0.22 m/s");

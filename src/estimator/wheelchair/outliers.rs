@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn a_forward_impact_is_down_weighted_for_three_samples_and_then_believed() {
+    fn a_forward_impact_is_down_weighted_for_three_samples_and_then_used() {
         let mut hits = 0;
         let weighed: Vec<bool> = (0..5).map(|_| noise(2.0, 0.0, &mut hits)[0] > 0.011).collect();
         assert_eq!(weighed, [true, true, true, false, false]);

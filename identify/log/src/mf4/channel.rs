@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_any_width_at_any_bit() {
+    fn numbers_of_any_width_are_read_at_any_bit() {
         let (little, big) = (Kind::Unsigned { big: false }, Kind::Unsigned { big: true });
         assert_eq!(read(little, 3, 5, &[0b1011_1000]), 23.0);
         assert_eq!(read(little, 4, 12, &[0x30, 0x12]), 0x123 as f64);
