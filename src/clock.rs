@@ -69,7 +69,7 @@ impl Clock {
     }
 
     /// Time from the last sample to the communication point, s; 0 before the first sample.
-    pub fn ahead(&self, period: f64) -> f64 {
+    pub fn horizon(&self, period: f64) -> f64 {
         if self.samples == 0 {
             return 0.0;
         }
@@ -127,7 +127,7 @@ mod tests {
             });
             let (clock, taken) = run(start, 0.01, points);
             assert!(taken.iter().all(|n| *n == 1), "start {start}");
-            assert_eq!(clock.ahead(0.01), 0.01);
+            assert_eq!(clock.horizon(0.01), 0.01);
             assert_eq!(clock.samples(), 1_000_000);
         }
     }
@@ -153,7 +153,7 @@ mod tests {
         let (clock, taken) = run(5.0, 0.01, (0..1000).map(|i| (5.0 + i as f64 * size, size)));
         assert_eq!(&taken[..4], &[8, 7, 7, 8]); // [0, 7.3) [7.3, 14.6) [14.6, 21.9) [21.9, 29.2)
         assert_eq!(clock.samples(), 7300);
-        assert!((clock.ahead(0.01) - 0.01).abs() < 1e-12);
+        assert!((clock.horizon(0.01) - 0.01).abs() < 1e-12);
     }
 
     #[test]

@@ -11,18 +11,28 @@
 //! identify/  parameters and noise from logs, simulation, reports            (package wheelstate-identify)
 //!   log/     readers of CSV, Parquet, MDF4 and robots' logs                 (package wheelstate-log)
 //!   python/  the Python package, thin over `identify` and `fmu`             (package wheelstate-python)
-//! tests/     what all packages are held against: vectors, plants, other programs
+//! tests/     what all packages are tested with: vectors, plants, other programs
 //! ```
 //!
-//! From here to an equation it is three files: [`estimator`] has one folder per machine, whose `mod.rs` joins one model
-//! with one filter as a [`Machine`](estimator::Machine); [`model`] has the equations with their numbers in the source
-//! and its errata. [`estimator::sampled`] wraps every machine in the rules that all share: first sample, time steps and
+//! [`estimator`] has one folder per machine, whose `mod.rs` joins one model with one filter as a
+//! [`Machine`](estimator::Machine); [`model`] has the equations with their numbers in the source and its errata. The page
+//! of a machine links to its equations; a sample reaches them in two or three files after `mod.rs`:
+//!
+//! | machine | the way of a sample |
+//! |---|---|
+//! | [`nursing_robot`](estimator::nursing_robot) | mass: `mass.rs`, `model/nursing_robot`; sway: `sway/filter.rs`, `sway/motion.rs`, `model/nursing_robot` |
+//! | [`wheeled_robot`](estimator::wheeled_robot) | forces: `forces.rs`, `filter/sliding_mode.rs`; motion: `motion.rs`, `integration.rs`, `model/wheeled_robot` |
+//! | [`wheel_loader`](estimator::wheel_loader) | `filter.rs`, `prediction.rs`, `model/wheel_loader` |
+//! | [`human_dynamics`](estimator::human_dynamics) | `whole_body.rs`, `model/multibody/equations.rs` |
+//! | [`wheelchair`](estimator::wheelchair) | `ekf.rs`, `forms.rs`, `model/wheelchair` |
+//!
+//! [`estimator::sampled`] wraps every machine in the rules that all share: first sample, time steps and
 //! gaps, missing, held and implausible inputs, `status`, `healthy`, `contradicted`. [`variable`] declares each variable
 //! once; the declaration is the struct, the FMU's XML, the schema, the tables and the range checks.
 //!
 //! # Who may import whom
 //!
-//! `model`, `filter` and `plant` never see one another, so that an error in a model cannot hide behind the same error
+//! `model`, `filter` and `plant` never import one another, so that an error in a model cannot hide behind the same error
 //! in the plant, and a filter serves any machine. `estimator` joins model and filter. `fmu` and `identify` never import
 //! each other: `fit.json` and the FMU are all that passes between them; the Python package joins both. The whole list stands in
 //! `tests/walls/arrows.rs`, and a test names file and line of every import that is not in it.
@@ -42,7 +52,7 @@
 //!
 //! - **Inputs are discrete in the FMU.** A host that interpolates a measured input would smear a missing sample over
 //!   its neighbours.
-//! - **No clocks, files, threads, random numbers or printing in this crate.** Same inputs, same bytes: a master may
+//! - **No time of day, files, threads, random numbers or printing in this crate.** Same inputs, same bytes: a master may
 //!   roll back, and a test may repeat.
 //! - **A state is plain data**, stored and restored with `serde`; a stored number that is not finite is refused.
 //! - **A sparse LDL of our own** ([`filter::sparse_ldl`]): the pattern of the body's equations is fixed at construction,

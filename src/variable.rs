@@ -206,8 +206,8 @@ pub trait Variables: Clone + Send + Sync {
     }
 }
 
-/// Where in the declarations the variable `name` is, which may have this value; an unknown name gives an error that
-/// lists the nearest ones.
+/// The index of the variable `name` in the declarations, after its value (in its declared unit) has been checked. An
+/// unknown name gives an error that lists the nearest ones, a value that is not allowed one with the allowed range.
 pub fn find(declared: &[Variable], name: &str, value: f64) -> Result<usize, ParameterError> {
     let Some(index) = declared.iter().position(|variable| variable.name == name) else {
         let group = name.split('.').next().unwrap_or(name);
@@ -473,7 +473,7 @@ macro_rules! variables {
         }
     };
 
-    // The rest tells a group (no start value) from a variable.
+    // The rest distinguishes a group (no start value) from a variable.
     (@default $type:ty) => { <$type>::default() };
     (@default $type:ty, $start:expr) => { $start };
     (@count $type:ty) => { <$type as $crate::variable::Variables>::COUNT };

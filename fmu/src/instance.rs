@@ -328,9 +328,9 @@ impl Instance {
             }
         }
         self.settle();
-        let ahead = self.core.clock.ahead(self.period);
+        let horizon = self.core.clock.horizon(self.period);
         let half = 0.5e-3 * self.period;
-        let (early, late) = ((ahead - half).max(0.0), ahead + half);
+        let (early, late) = ((horizon - half).max(0.0), horizon + half);
         let (mut low, mut high) = (self.core.outputs.clone(), self.core.outputs.clone());
         self.machine.predict(early);
         self.machine.outputs(&mut low);
@@ -367,7 +367,7 @@ impl Instance {
             self.core.slopes.fill(0.0);
             self.core.sloped = false;
         }
-        self.machine.predict(self.core.clock.ahead(self.period));
+        self.machine.predict(self.core.clock.horizon(self.period));
         self.unread = true;
         Ok(())
     }

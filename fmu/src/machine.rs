@@ -22,8 +22,8 @@ pub trait Machine: Send {
     fn held(&self, inputs: &mut [f64]);
     /// Takes one sample of the held inputs, `sample_period` after the one before.
     fn step(&mut self);
-    /// Forms the estimates `ahead` seconds after the last sample.
-    fn predict(&mut self, ahead: f64);
+    /// Forms the estimates `horizon` seconds after the last sample.
+    fn predict(&mut self, horizon: f64);
     /// The estimates last formed.
     fn outputs(&self, outputs: &mut [f64]);
     /// Copies the state into `slot`, reusing what is there; `None` before [`build`](Self::build).
@@ -90,9 +90,9 @@ impl<E: Estimator + 'static> Machine for Typed<E> {
         }
     }
 
-    fn predict(&mut self, ahead: f64) {
+    fn predict(&mut self, horizon: f64) {
         if let Some(estimator) = &self.estimator {
-            estimator.outputs(&self.inputs, ahead, &mut self.outputs);
+            estimator.outputs(&self.inputs, horizon, &mut self.outputs);
         }
     }
 

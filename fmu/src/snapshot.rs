@@ -79,7 +79,7 @@ impl Snapshots {
         Ok(snapshot.handle)
     }
 
-    /// Forgets the copy of this handle.
+    /// Drops the copy of this handle.
     pub fn free(&mut self, handle: usize) -> Answer<()> {
         let index = self.position(handle)?;
         self.0.swap_remove(index);

@@ -18,7 +18,7 @@
 //! use `result`; `problem` uses `solve`, `assess` and `result`; `tune` and `run` use `result` and share `replay`; `vehicle` joins
 //! problem, simulation, tuning and runs; a machine of `vehicles` uses all of these but never another machine; `checked`,
 //! `fleet` and `values` are what the command line and the Python package share; `cli` uses everything.
-//! `tests/walls/arrows.rs` of the repository is the whole list, and a test holds it.
+//! `tests/walls/arrows.rs` of the repository is the whole list, and a test enforces it.
 
 pub mod assess;
 pub mod check;

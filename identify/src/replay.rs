@@ -98,7 +98,7 @@ pub fn replay<E: Estimator, S>(
                     before(estimator, &inputs, period);
                     estimator.step(&inputs, period);
                 }
-                estimator.outputs(&inputs, clock.ahead(period), &mut outputs);
+                estimator.outputs(&inputs, clock.horizon(period), &mut outputs);
                 see(k + 1, end, &outputs)?;
             }
         }

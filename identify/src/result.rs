@@ -324,7 +324,7 @@ pub struct Trace {
 }
 
 impl FitReport {
-    /// Whether the user must be told something: the condition of exit code 1.
+    /// Whether there is something that the user must know: the condition of exit code 1.
     pub fn has_warnings(&self) -> bool {
         let of_no_use =
             |p: &Parameter| p.at_bound || !(p.identified || matches!(p.verdict, Verdict::PriorOnly | Verdict::PerLog));

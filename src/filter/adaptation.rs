@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Measurement variances learnt from residuals, `R <- (1 - d) R + d (residual^2 + h P h^T)`, with
+/// Measurement variances estimated from residuals, `R <- (1 - d) R + d (residual^2 + h P h^T)`, with
 /// `d = (1 - b) / (1 - b^(k+1))` at the `k`-th sample, counting those that teach nothing. The residual
 /// form cannot become negative.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,12 +34,12 @@ impl<const M: usize> MeasurementNoise<M> {
         Self { variance: *nominal, remaining: 1.0 }
     }
 
-    /// Counts a sample, whether or not it is learnt from.
+    /// Counts a sample, whether or not its residuals are used.
     pub fn count(&mut self, adaptation: &MeasurementAdaptation) {
         self.remaining *= adaptation.memory;
     }
 
-    /// Learns, once counted, from the residuals after the update (sample minus posterior) and the posterior
+    /// Updates, once counted, with the residuals after the update (sample minus posterior) and the posterior
     /// variances of what the channels show.
     pub fn learn(
         &mut self,
@@ -80,7 +80,7 @@ impl<const M: usize> Default for ProcessScale<M> {
 }
 
 impl<const M: usize> ProcessScale<M> {
-    /// Learns from the innovations over their standard deviations. `time` is the memory, s, and
+    /// Updates with the innovations over their standard deviations. `time` is the memory, s, and
     /// `highest` bounds the scale.
     pub fn learn(&mut self, used: &[bool; M], normalised: &[f64; M], dt: f64, time: f64, highest: f64) {
         let a = 1.0 - (-dt / time).exp();

@@ -1,5 +1,5 @@
 //! Recursive least squares for one unknown, with adaptive forgetting, resets of its covariance,
-//! rejection of outliers and an honest account of its error.
+//! rejection of outliers and a standard deviation that holds.
 //!
 //! Model: `measurement = regressor * estimate + noise`. The recursion (H is the inverse of the
 //! forgetting-weighted sum of squared regressors):

@@ -1,4 +1,4 @@
-//! Sigma points of a Gaussian: where they lie and what they weigh.
+//! Sigma points of a Gaussian: their places and weights.
 //!
 //! Yang et al., eq. (44)-(45); Merwe's scaled form. Errata: the paper never gives
 //! `lambda = alpha^2 (n + kappa) - n`, and for the first set it prints the predicted mean and

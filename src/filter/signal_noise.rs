@@ -1,9 +1,9 @@
-//! White noise of sampled signals, seen in the signals themselves.
+//! White noise of sampled signals, estimated from the signals themselves.
 //!
 //! What moves a machine has mass and changes slowly beside a sample period; white noise does not. The third difference
 //! `d = (z[k] - 3 z[k-1] + 3 z[k-2] - z[k-3])/sqrt(20)` has the variance of white noise of `z` and leaves of a motion at
 //! the angular frequency `w`, sampled every `T`, only the share `(w T)^3/sqrt(20)`. Unlike an innovation it asks no model,
-//! so that a noise learnt from it cannot cover up that the model is contradicted.
+//! so that a noise estimated from it cannot hide that the model is contradicted.
 
 use super::bounded;
 use nalgebra::{SMatrix, SVector};

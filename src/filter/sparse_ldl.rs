@@ -36,7 +36,7 @@ pub struct SparseLdl {
 }
 
 impl SparseLdl {
-    /// For a matrix of size `n` with nonzeros at the diagonal and at `pairs` (in any order, doubled
+    /// For a symmetric matrix of size `n` with nonzeros at the diagonal and at `pairs` (in any order, doubled
     /// or mirrored as they come).
     pub fn new(n: usize, pairs: &[(u32, u32)]) -> Self {
         let order = minimum_degree(n, pairs);

@@ -60,7 +60,8 @@ pub fn predict<const N: usize, const P: usize>(
 /// Measurement update with the channels that have a sample, all of them or, beyond the gate, none.
 ///
 /// Independent channels are taken one after the other, which equals taking them jointly. The gate judges the
-/// normalised innovation squared per channel; `in_a_row` counts its rejections.
+/// normalised innovation squared per channel; `in_a_row` counts its rejections. Innovations and noise are in the
+/// channels' units; a rejected or missing channel leaves the belief as it was.
 pub fn correct<const N: usize, const M: usize>(
     belief: &mut Gaussian<N>,
     channels: &[Channel; M],

@@ -14,7 +14,7 @@ pub struct Machine {
     pub mass: f64,
     /// Pitch inertia about the centre of gravity, kg.m2.
     pub pitch_inertia: f64,
-    /// Distances of the axles ahead of and behind the centre of gravity, m.
+    /// Distances of the front axle forward of and of the rear axle behind the centre of gravity, m.
     pub to_axle: [f64; 2],
     /// Height of the centre of gravity above ground, m.
     pub cg_height: f64,
@@ -46,7 +46,7 @@ pub struct Machine {
     /// 1 is the full balance: it shifts the share `rolling * radius / wheelbase` of the load to the
     /// rear and adds `inertia / (mass * radius)` to the effective height. 0 is the source's idealisation.
     pub wheel_moments: f64,
-    /// Distance of the bucket's tip ahead of the front axle and its height, m.
+    /// Distance of the bucket's tip forward of the front axle and its height, m.
     pub bucket: [f64; 2],
 }
 

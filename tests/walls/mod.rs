@@ -195,7 +195,7 @@ fn unsafe_code_stands_at_the_c_boundaries_only() {
     let sources = Walls::new().sources;
     let uses = |source: &&Source| source.tokens.iter().find(|token| token.text == "unsafe").map(|token| token.line);
     for source in sources.iter().filter(|source| !UNSAFE.iter().any(|place| source.file.starts_with(place))) {
-        assert_eq!(uses(&source), None, "{}: unsafe code belongs into {}", source.file, UNSAFE.join(" or "));
+        assert_eq!(uses(&source), None, "{}: unsafe code belongs in {}", source.file, UNSAFE.join(" or "));
     }
     for place in UNSAFE {
         let any = sources.iter().filter(|source| source.file.starts_with(place)).any(|source| uses(&source).is_some());

@@ -32,7 +32,7 @@ pub(super) fn enter(
             }
         }
     });
-    // there is no instance whose logger could be told
+    // there is no instance with a logger to report to
     called.unwrap_or(ERROR)
 }
 
@@ -42,7 +42,7 @@ thread_local! {
     static PANIC_LINE: Cell<u32> = const { Cell::new(0) };
 }
 
-/// What was told of panics before, and is still told of those that are not ours.
+/// The panic hook from before, which still reports the panics that are not ours.
 type Hook = Box<dyn Fn(&PanicHookInfo<'_>) + Send + Sync>;
 static OTHER: OnceLock<Hook> = OnceLock::new();
 

@@ -1,6 +1,6 @@
 //! The 34 C functions of FMI 2.0 co-simulation: pointers in, safe calls out, no logic.
 //!
-//! The only unsafe code of the project. What a host owes every function here is what the FMI 2.0
+//! The only unsafe code of the project. What a host must guarantee to every function here is what the FMI 2.0
 //! standard says: components come from `fmi2Instantiate` and are used from one thread at a time,
 //! arrays are as long as their counts, strings end with NUL. Components and states are handles, which are looked up
 //! and never followed: NULL, foreign, stale and freed ones are refused, and so are a component in use by another

@@ -1,6 +1,6 @@
 //! The start values of an FMU that was packed with its own, as JSON.
 //!
-//! They stand in the library itself, in a room that `pack` fills in the library's file: so they are there whatever
+//! They stand in the library itself, in a slot that `pack` fills in the library's file: so they are there whatever
 //! resource location a host gives. A library whose bytes are signed (macOS) cannot be filled; it finds them in
 //! `resources/start_values.json`.
 
@@ -16,52 +16,52 @@ pub const FILE: &str = "start_values.json";
 const MARK_SIZE: usize = 32;
 const LENGTH_SIZE: usize = 4;
 /// Bytes for the text.
-const ROOM_SIZE: usize = 16 << 10;
-const SIZE: usize = MARK_SIZE + LENGTH_SIZE + ROOM_SIZE;
+const SLOT_SIZE: usize = 16 << 10;
+const SIZE: usize = MARK_SIZE + LENGTH_SIZE + SLOT_SIZE;
 
-/// A mark by which the room is found, the length of the text (little-endian), the text. Atomic, and used for all that
+/// A mark by which the slot is found, the length of the text (little-endian), the text. Atomic, and used for all that
 /// the compiler knows, so that it is read and not taken for what stands here.
 #[used]
-static ROOM: [AtomicU8; SIZE] = {
+static SLOT: [AtomicU8; SIZE] = {
     let mark = *b"wheelstate start values, room 1:";
-    let mut room = [const { AtomicU8::new(0) }; SIZE];
+    let mut slot = [const { AtomicU8::new(0) }; SIZE];
     let mut i = 0;
     while i < MARK_SIZE {
-        room[i] = AtomicU8::new(mark[i]);
+        slot[i] = AtomicU8::new(mark[i]);
         i += 1;
     }
-    room
+    slot
 };
 
-fn room(from: usize, count: usize) -> Vec<u8> {
-    ROOM[from..from + count].iter().map(|byte| byte.load(Ordering::Relaxed)).collect()
+fn stored(from: usize, count: usize) -> Vec<u8> {
+    SLOT[from..from + count].iter().map(|byte| byte.load(Ordering::Relaxed)).collect()
 }
 
-/// The text in this library's own room, if there is one.
+/// The text in this library's own slot, if there is one.
 fn embedded() -> Option<String> {
-    let length = room(MARK_SIZE, LENGTH_SIZE);
+    let length = stored(MARK_SIZE, LENGTH_SIZE);
     let length = u32::from_le_bytes([length[0], length[1], length[2], length[3]]) as usize;
-    (1..=ROOM_SIZE)
+    (1..=SLOT_SIZE)
         .contains(&length)
-        .then(|| room(MARK_SIZE + LENGTH_SIZE, length))
+        .then(|| stored(MARK_SIZE + LENGTH_SIZE, length))
         .and_then(|bytes| String::from_utf8(bytes).ok())
 }
 
-/// Fills the room in the bytes of a library.
+/// Fills the slot in the bytes of a library.
 pub fn embed(library: &mut [u8], text: &str) -> Result<(), String> {
-    let mark = room(0, MARK_SIZE);
-    let is_room = |at: &usize| {
+    let mark = stored(0, MARK_SIZE);
+    let is_slot = |at: &usize| {
         library[*at..].starts_with(&mark)
             && library[at + MARK_SIZE..].iter().take(SIZE - MARK_SIZE).all(|byte| *byte == 0)
     };
     let last = library.len().saturating_sub(SIZE - 1);
-    let at = (0..last).find(is_room).ok_or("the library has no empty room for start values")?;
-    if text.len() > ROOM_SIZE {
-        return Err(format!("the start values take {} bytes, there is room for {ROOM_SIZE}", text.len()));
+    let at = (0..last).find(is_slot).ok_or("the library has no empty slot for start values")?;
+    if text.len() > SLOT_SIZE {
+        return Err(format!("the start values take {} bytes, there is room for {SLOT_SIZE}", text.len()));
     }
-    let room = &mut library[at + MARK_SIZE..at + SIZE];
-    room[..LENGTH_SIZE].copy_from_slice(&(text.len() as u32).to_le_bytes());
-    room[LENGTH_SIZE..LENGTH_SIZE + text.len()].copy_from_slice(text.as_bytes());
+    let slot = &mut library[at + MARK_SIZE..at + SIZE];
+    slot[..LENGTH_SIZE].copy_from_slice(&(text.len() as u32).to_le_bytes());
+    slot[LENGTH_SIZE..LENGTH_SIZE + text.len()].copy_from_slice(text.as_bytes());
     Ok(())
 }
 
@@ -173,15 +173,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_room_is_filled_once_and_not_beyond_its_size() {
+    fn a_slot_is_filled_once_and_not_beyond_its_size() {
         let mut library = vec![7; 100];
-        // the mark alone is no room
-        library.extend(room(0, MARK_SIZE));
+        // the mark alone is no slot
+        library.extend(stored(0, MARK_SIZE));
         library.extend([7; 100]);
         let at = library.len();
-        library.extend(room(0, SIZE));
+        library.extend(stored(0, SIZE));
         library.push(7);
-        let long = "x".repeat(ROOM_SIZE + 1);
+        let long = "x".repeat(SLOT_SIZE + 1);
         assert!(embed(&mut library, &long).unwrap_err().contains("16385 bytes"));
         embed(&mut library, "values").unwrap();
         assert_eq!(&library[at + MARK_SIZE..at + MARK_SIZE + LENGTH_SIZE + 7], b"\x06\0\0\0values\0");

@@ -149,7 +149,7 @@ impl Library {
         match target(&bytes) {
             Some((system, machine)) if (system, machine) == (wanted.system, wanted.machine) => Ok(bytes),
             Some((system, machine)) => {
-                Err(refuse(format!("it is for {machine} {system}, so it does not belong into {}", self.platform)))
+                Err(refuse(format!("it is for {machine} {system}, so it does not belong in {}", self.platform)))
             }
             None => Err(refuse(format!("it is not a shared library for {}", self.platform))),
         }

@@ -16,7 +16,7 @@ pub enum Params {
 }
 
 impl Params {
-    /// Reads a file; its ending tells which of the two it is.
+    /// Reads a file; its extension says which of the two it is.
     pub fn read(path: &Path) -> Result<Self, PackError> {
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ssv")) {
             ParameterSet::read(path).map(Self::Set)

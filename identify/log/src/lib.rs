@@ -46,7 +46,7 @@ pub struct Log {
     pub time: Vec<f64>,
     /// The channels, named as the FMU's inputs; `true_*` are references for reports.
     pub channels: Vec<Channel>,
-    /// What was guessed, repaired or left out while reading, one line each.
+    /// What was detected, repaired or left out while reading, one line each.
     pub notes: Vec<String>,
 }
 
@@ -160,7 +160,7 @@ impl Log {
         self.channels.push(Channel { name: name.to_owned(), values });
     }
 
-    /// Reads a log; the file's ending tells its format.
+    /// Reads a log; the extension of the file gives its format.
     ///
     /// Without a column map the file has a column `time` in s, and every column of a text file must be numeric.
     /// With one, the mapped channels come first and columns that the map does not use follow under
@@ -248,7 +248,7 @@ impl Log {
         csv::write(self, to)
     }
 
-    /// Writes a log whose format is told by `path`; the bytes go to `to`, full precision.
+    /// Writes a log in the format that the extension of `path` gives; the bytes go to `to`, full precision.
     pub fn write(&self, path: &Path, to: impl std::io::Write + std::io::Seek + Send + 'static) -> Result<(), LogError> {
         let failed = |e: &dyn std::fmt::Display| LogError::file(&path.display().to_string(), e.to_string());
         match Format::written(path)? {

@@ -1,4 +1,4 @@
-//! How a long computation tells how far it is and learns that it shall stop.
+//! How a long computation reports its progress and is asked to stop.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::ops::Range;
@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// Length of a bar that is told in shares.
+/// Length of a bar whose progress is given in shares.
 const SHARES: f64 = 1000.0;
 
 /// A handle that library functions take by reference. [`Progress::none`] shows nothing.
@@ -62,7 +62,7 @@ impl Progress {
         bar.enable_steady_tick(Duration::from_millis(200));
     }
 
-    /// Begins a part of the work that is told in shares: by [`reach`](Self::reach) and [`part`](Self::part).
+    /// Begins a part of the work whose progress is given in shares: by [`reach`](Self::reach) and [`part`](Self::part).
     pub fn start_shares(&self, what: impl Into<String>) {
         self.start(what, SHARES as u64);
     }

@@ -12,7 +12,7 @@ pub(crate) struct Recording {
     pub groups: Vec<Group>,
     /// How many of the groups are of the file itself; the others were joined.
     pub own: usize,
-    /// What was guessed or repaired, one line each.
+    /// What was detected or repaired, one line each.
     pub notes: Vec<String>,
     pub place: Place,
     /// Reads the columns that are needed, in formats that hold much more than that.
@@ -37,10 +37,10 @@ pub(crate) struct Group {
     pub columns: Vec<Column>,
 }
 
-/// What tells when the samples of a group were taken.
+/// What says when the samples of a group were taken.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Clock {
-    /// The column map tells; without one the column `time`.
+    /// What the column map says; without one the column `time`.
     Undecided,
     /// This column of the group.
     Column(usize),

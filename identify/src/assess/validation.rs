@@ -1,4 +1,4 @@
-//! Prediction of what the fit has not seen.
+//! Prediction of data that were not fitted.
 
 use crate::result::{SignalFit, Trace};
 

@@ -81,7 +81,7 @@ struct Run {
     to: usize,
 }
 
-/// What one pass over a channel tells.
+/// What one pass over a channel yields.
 struct Profile {
     samples: usize,
     low: f64,
@@ -196,7 +196,7 @@ fn one(subject: &Subject, log: &Log, channel: &Channel, variable: Option<&Variab
             // A machine at rest is no dead sensor, only a log that says nothing.
             let severity = if is_force(variable) || at_rest(subject, log) { Severity::Warning } else { severity };
             let message = format!("is {} in every sample", short(profile.low));
-            let what = "a sensor that lives shows noise: look at its cable, or leave the channel out";
+            let what = "a working sensor shows noise: check its cable, or leave the channel out";
             found.push(finding(log, "constant-channel", severity, name).says(message, what));
         }
         return found;
@@ -391,7 +391,7 @@ fn gravity(log: &Log, sensor: &Accelerometer) -> Option<Finding> {
         if sensor.upright && median < 0.0 {
             let message =
                 format!("is {} m/s2 on average, but the specific force at rest points up, +9.81", short(median));
-            let what = "the axes seem to be forward, right, down (SAE); here they are forward, left, up: turn signs in a column map, scale = -1";
+            let what = "the axes seem to be forward, right, down (SAE); here they are forward, left, up: change signs in a column map, scale = -1";
             return Some(finding(log, "sign-mismatch", Severity::Refusal, axes[2]).says(message, what));
         }
         return None;

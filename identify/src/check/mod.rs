@@ -1,12 +1,12 @@
 //! What is wrong with a log, before anything is fitted to it.
 //!
-//! A fit believes its channels: times in milliseconds, an accelerometer in g or a speed that arrives late give confident
+//! A fit takes its channels as they are: times in milliseconds, an accelerometer in g or a speed that arrives late give confident
 //! nonsense. [`check`] looks for such faults where a log shows them:
 //!
-//! - [`time`]: the sample period against what the machine's estimator and fit can use, gaps, scattered stamps;
+//! - [`time`]: the sample period compared with what the machine's estimator and fit can use, gaps, scattered stamps;
 //! - [`channel`]: channels that the fit needs and lacks, constant, frozen, clipped, coarse or wrapping ones;
 //! - [`relation`]: channels that say the same thing in two ways (the slope of an angle and its rate, wheel speed times
-//!   radius and speed over ground, specific force and the slope of the speed): their proportion tells units and signs,
+//!   radius and speed over ground, specific force and the derivative of the speed): their proportion shows units and signs,
 //!   their cross-correlation a delay.
 //!
 //! What a machine's log must hold and which of its channels say the same stands in its record, see [`Checks`]. A

@@ -32,7 +32,7 @@ pub fn check(subject: &Subject, log: &Log) -> Vec<Finding> {
     found
 }
 
-/// The period against what estimator and fit can use.
+/// The period compared with what estimator and fit can use.
 fn range(subject: &Subject, log: &Log, period: f64) -> Option<Finding> {
     let declared = subject.known.declared("sample_period").map_or((0.0, f64::INFINITY), |variable| variable.range);
     let slowest = subject.checks.slowest.min(declared.1);

@@ -20,8 +20,8 @@ Examples:
 Looks at the sample period, gaps and scatter of the times; at channels that are missing, constant,
 frozen, clipped, coarse or wrapped; and at channels that say the same in two ways (the slope of an
 angle and its rate, wheel speed and speed, acceleration and speed), which shows wrong units, wrong
-signs and delays where the log excites them. Of a log that is not refused it tells the standard error
-that a fit would give each parameter, and the part of the log that tells most about it.
+signs and delays where the log excites them. For a log that is not refused it states the standard error
+that a fit would give each parameter, and the part of the log that contributes most to it.
 
 Exit code 0: nothing found; 1: warnings; 2: what spoils a fit for certain. identify/README.md has
 the list of codes.")]
@@ -37,7 +37,7 @@ pub(super) struct CheckArgs {
     /// Known parameters: a fit.json or {"name": value, ...}.
     #[arg(long, value_name = "START.json")]
     params: Option<PathBuf>,
-    /// Say what to expect of a fit for logs of any length: standard errors, and the part of the log that tells most.
+    /// Say what to expect of a fit for logs of any length: standard errors, and the part of the log that contributes most.
     #[arg(long)]
     parameters: bool,
     /// Print the findings as JSON.

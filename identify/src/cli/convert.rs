@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 const GRAMMAR: &str = "\
 The result has a column `time` and the columns of the FMU's inputs, in SI units; columns that the
-map does not use follow under their own names. A missing sample is `nan`. What was guessed, repaired
+map does not use follow under their own names. A missing sample is `nan`. What was detected, repaired
 or left out is reported on stderr, one line each.
 
 A column map is a TOML file; each key is a channel, its value says where the channel comes from:
@@ -57,7 +57,7 @@ Another file on the clock of the log (time + offset), {stem} being the log's nam
 
   join = [{ file = \"{stem}_gps.csv\", time = \"t\", offset = -0.35, as = \"gps\" }]
 
-What is guessed of CSV files, if the guess is wrong:
+What is detected of CSV files, to be set where that is wrong:
 
   [csv]
   separator = \";\"   decimal = \",\"   comment = \"#\"   skip = 2   units = true

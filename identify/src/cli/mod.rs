@@ -216,7 +216,7 @@ fn read_each(
     Ok(())
 }
 
-/// Says what was guessed, repaired or left out of a log.
+/// Says what was detected, repaired or left out of a log.
 fn tell(log: &Log) {
     for note in &log.notes {
         eprintln!("{}: note: {}: {}", program(), log.source, note.replace(['\n', '\r'], " "));

@@ -1,5 +1,5 @@
 //! The check of gyroscopes: a gyroscope measures no unknown of the estimation, since the posture and
-//! its rates are taken as exact, so its reading can only be held against the rate that these give.
+//! its rates are taken as exact, so its reading can only be compared with the rate that these give.
 
 use super::config::{Setup, Source};
 use crate::log::Log;

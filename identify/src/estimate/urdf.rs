@@ -10,7 +10,8 @@ use std::path::Path;
 use wheelstate::model::multibody::spatial::rpy_rotation;
 use wheelstate::model::multibody::tree::{Description, Joint, JointKind, Link};
 
-/// Reads a URDF file: links, inertias and joints. A joint that mimics another one counts as one of its own.
+/// Reads a URDF file: links, inertias and joints, in m, kg, kg.m2 and rad as the format has them. A joint that mimics
+/// another one counts as one of its own. Errors name file, line and link or joint.
 pub fn read(path: &Path) -> Result<Description, EstimateError> {
     let file = path.display().to_string();
     let text = std::fs::read_to_string(path).map_err(|e| EstimateError::new(&file, format!("cannot be read: {e}")))?;
@@ -73,7 +74,7 @@ impl Reader<'_> {
             let (xx, xy, xz) = (entry("ixx")?, entry("ixy")?, entry("ixz")?);
             let (yy, yz, zz) = (entry("iyy")?, entry("iyz")?, entry("izz")?);
             let own = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-            // the inertia is given in axes that may be turned against the link's
+            // the inertia is given in axes that may be rotated relative to the link's
             let r = rpy_rotation(&origin.1);
             let turned = if origin.1 == [0.0; 3] { own } else { r * own * r.transpose() };
             link.inertia = [turned.m11, turned.m12, turned.m13, turned.m22, turned.m23, turned.m33];

@@ -233,7 +233,7 @@ fn degeneracy<E: Estimator>(replay: &Replay<E>, found: &[Candidate], at: &[f64],
         100.0 * (replay.value(&x) / best - 1.0)
     };
     let worst = nis.iter().map(|entry| entry.after).fold(0.0, f64::max);
-    let why = if replay.knows_the_truth() { "it" } else { "it pays for following the measurement noise and" };
+    let why = if replay.knows_the_truth() { "it" } else { "it rewards following the measurement noise and" };
     format!(
         "objective rmse is degenerate: {why} does not see the scale of \
          the noises; all of them doubled change it by {:+.2} %, halved by {:+.2} %, and NIS per channel is up \

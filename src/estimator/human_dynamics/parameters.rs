@@ -35,7 +35,7 @@ crate::variables! {
         net_wrench: f64 = 1e-4, "1", [1e-12, 1e12], process_noise;
         /// Variance of the sum of wrenches on a body, in N^2 and (N.m)^2.
         wrench_balance: f64 = 1e-4, "1", [1e-12, 1e12], process_noise;
-        /// Variance of the torques against the wrenches.
+        /// Variance with which the torques follow from the wrenches.
         torque: f64 = 1e-4, "N2.m2", [1e-12, 1e12], process_noise;
     }
 }

@@ -22,7 +22,7 @@ pub enum StepError {
     SingularInformation,
 }
 
-/// Redundancy `1 - h` of a row below which only its own reading tells what it measures. The prior
+/// Redundancy `1 - h` of a row below which only its own reading says what it measures. The prior
 /// alone gives a row about its variance over the prior's.
 const LEAST_REDUNDANCY: f64 = 0.01;
 

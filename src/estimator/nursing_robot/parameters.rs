@@ -4,7 +4,7 @@ use crate::model::nursing_robot::{Aero, Human, Robot, Rolling};
 use crate::{ParameterError, Variables};
 
 choice! {
-    /// Law by which the mass filter forgets.
+    /// Law of the mass filter's forgetting factor.
     pub enum Law {
         /// Forgets faster the larger the prediction error (eq. 35).
         Exponential = "exponential",
@@ -77,7 +77,7 @@ variables! {
         change_std: f64 = 75.0, "kg", [0.0, 1e5], tunable;
         /// Speed above which the machine counts as moving; 0.5 km/h.
         minimum_speed: f64 = 0.1388888888888889, "m/s", [0.0, 50.0], tunable;
-        /// Acceleration above which a sample tells something about the mass.
+        /// Acceleration above which a sample is informative about the mass.
         minimum_acceleration: f64 = 0.1, "m/s2", [1e-3, 10.0], tunable;
         /// Corner frequency of the filter that force, speed and acceleration pass alike.
         cutoff: f64 = 2.0, "Hz", [0.01, 100.0], tunable;

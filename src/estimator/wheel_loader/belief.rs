@@ -33,10 +33,10 @@ pub fn initial(p: &Parameters, map: &Map) -> Belief {
     FactoredGaussian::independent(mean, &SVector::from(std))
 }
 
-/// Begins the motion anew from a sample `y` of speed and wheel speeds, NaN where there is none. What is missing follows
+/// Restarts the motion from a sample `y` of speed and wheel speeds, NaN where there is none. What is missing follows
 /// from the others by rolling; if all are, the motion is as it was, and unknown.
 ///
-/// Nothing ties the unknowns to a motion that begins anew; their own covariance stays.
+/// Nothing ties the unknowns to a motion that restarts; their own covariance stays.
 pub fn begin_motion(
     belief: &mut Belief,
     y: &Vector3<f64>,

@@ -53,7 +53,7 @@ impl SteeringAngle {
 
 /// Time over which the difference of the paths is averaged, s.
 const AVERAGING: f64 = 0.3;
-/// Time over which it must hold together to be noise of the road, and memory of that noise, s.
+/// Time over which it must be correlated to be noise of the road, and memory of that noise, s.
 const ROAD: f64 = 0.05;
 const ROAD_MEMORY: f64 = 2.0;
 /// Standard deviations beyond which the paths differ, and within which they agree again.
@@ -65,14 +65,14 @@ const STRAIGHT: f64 = 0.5;
 const TIRE_ERROR: f64 = 0.06;
 /// Distance over which a tyre's slip follows its load and torque, m: longer than the relaxation length of most.
 const RELAXATION: f64 = 0.5;
-/// Longest bend, s: what differs for longer is another machine than the one that was learnt.
+/// Longest bend, s: what differs for longer is another machine than the one that was estimated.
 const LONGEST: f64 = 20.0;
 
 /// Whether the axles roll equally far.
 ///
 /// `D = (r_f w_f - r_r w_r)/|v| - (sigma_f - sigma_r)` is what the wheel speeds differ by and no slip explains. The speed
 /// over ground does not enter, nor its noise. Unknowns and radii may be wrong by their covariance, the tyres by a share of
-/// the slip; what the average of `D` shows beyond that is a bend, and nothing can be learnt in it.
+/// the slip; what the average of `D` shows beyond that is a bend, in which nothing can be estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PathWatch {
     /// Average of `D`.
@@ -95,11 +95,11 @@ pub struct PathWatch {
     lasted: f64,
 }
 
-/// What is believed when a sample comes.
+/// The estimates before a sample.
 pub struct Seen<'a> {
     /// The filter's coordinates.
     pub map: &'a Map,
-    /// Its belief.
+    /// Mean and factor.
     pub belief: &'a Belief,
     /// The unknowns in it.
     pub unknowns: &'a Unknowns,
@@ -129,7 +129,7 @@ impl PathWatch {
         self.differs
     }
 
-    /// Whether they differ as in the bend that was seen first: not to and fro, as a wrong sign makes them.
+    /// Whether they differ as in the bend that was seen first: not alternating, as a wrong sign makes them.
     pub fn is_bend(&self) -> bool {
         self.differs && (self.mean > 0.0) == self.front_longer
     }
@@ -139,7 +139,7 @@ impl PathWatch {
         self.mean.abs()
     }
 
-    /// Forgets what was seen, after a start or when the unknowns are given up.
+    /// Starts anew, after a start or when the unknowns are reset.
     pub fn reset(&mut self) {
         *self = Self::default();
     }

@@ -13,7 +13,7 @@ const TORQUE_SHARE: f64 = 0.005;
 const VERDICT_TIME: f64 = 5.0;
 /// Memory of the slip statistic, s.
 const MEMORY: f64 = 10.0;
-/// Standard errors between the slip that was seen and the least that a tyre must show.
+/// Standard errors between the measured slip and the least that a tyre must show.
 const CONFIDENCE: f64 = 2.5;
 /// A wheel that spins takes at least this share of the friction by which the model's tyre would hold it on its axle's
 /// share of the standing load.
@@ -22,7 +22,7 @@ const SPINNING_SHARE: f64 = 0.5;
 /// What the initial values say about slip and torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlipLimits {
-    /// The smallest and the largest slip stiffness that they leave room for.
+    /// The smallest and the largest slip stiffness that they allow.
     stiffness: [f64; 2],
     /// Standing load on each axle, N.
     load: [f64; 2],
@@ -49,7 +49,7 @@ impl SlipLimits {
 /// Two contradictions between slip and torque.
 ///
 /// *Too little slip.* Slip must be at least the friction that the torque demands over the largest slip stiffness that
-/// the tyre can have. The mean of `|slip|` cannot tell: at usual torques it is smaller than its own noise. The slope of
+/// the tyre can have. The mean of `|slip|` cannot tell: at usual torques it is smaller than its own noise. The coefficient of
 /// a regression over some seconds, with fading memory, can: its standard error falls with the square root of the
 /// samples.
 ///
@@ -76,7 +76,7 @@ impl SlipEvidence {
     }
 
     /// Takes the measurements `y` of a moving machine; returns true at the sample that first shows too little slip: the
-    /// unknowns have learnt from those before. From a wheel that spins they learn nothing.
+    /// unknowns have been estimated from those before. A wheel that spins contributes nothing.
     pub fn update(
         &mut self,
         machine: &WheelLoader,

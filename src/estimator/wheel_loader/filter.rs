@@ -43,7 +43,7 @@ pub struct Channels {
 }
 
 impl Channels {
-    /// Whether a channel is used that disagrees, because the gate has run out of patience.
+    /// Whether a channel is used that disagrees, because the gate has rejected too many in a row.
     pub fn any_let_through(&self, innovation: &Innovation<3>) -> bool {
         (0..3).any(|i| innovation.used[i] && self.rejections[i] > 0)
     }
@@ -74,7 +74,7 @@ impl LoaderFilter {
         }
     }
 
-    /// Begins the motion anew from a sample; what this does not give is as uncertain as it may be.
+    /// Restarts the motion from a sample; what this does not give is as uncertain as it may be.
     pub fn begin(&self, belief: &mut Belief, channels: &mut Channels, y: &Vector3<f64>) {
         let radius = self.map.machine.loader.wheel_radius();
         begin_motion(belief, y, radius, self.initial_std, std::array::from_fn(|i| self.maximum[i]));

@@ -1,7 +1,7 @@
 //! Centre of gravity of a wheel loader from its axle torques and wheel speeds.
 //!
 //! The two axles of a loader with independent drives slip in proportion to torque over load. Speed and wheel speeds
-//! therefore tell how the load is shared between the axles, and from that where the centre of gravity lies.
+//! therefore show how the load is shared between the axles, and from that where the centre of gravity lies.
 //!
 //! # Model
 //! Longitudinal motion and both axles' rotation with exact load transfer
@@ -14,16 +14,16 @@
 //! # What cannot be observed
 //! - `cg_ratio` and `slip_stiffness` need traction: torque at the wheels of a moving machine.
 //! - `cg_height` needs *changing* acceleration. At constant torque only the combination `lambda - h (v' + g sin
-//!   alpha)/(g l cos alpha)` is seen; `cg_height_std` then stays where it started and the estimate with it.
+//!   alpha)/(g l cos alpha)` is observed; `cg_height_std` then stays where it started and the estimate with it.
 //!   `cg_height_observable` says when the data have revealed it.
 //! - `load_ratio` moves with acceleration, slope and spading; the source most probably plots it as "CG location". The
 //!   geometric centre of gravity of a rigid loader does not move.
 //! - A mismatch of the rolling radii looks like slip: 0.3 % spoil the centre of gravity. See `filter.radii`.
 //! - So does a bend, in which the axles' paths differ in length: by 1 % at a steering angle of 8 degrees, where slip is as
-//!   small. With `steering_angle` and `loader.steering` it is taken out of the front wheels' speed. Without, it is seen
-//!   (`bend`): the difference of the wheel speeds that no slip explains grows beyond its standard deviation; what was learnt in
-//!   the last one to two seconds is taken back, and nothing is learnt or healthy until the paths agree again. What
-//!   differs for more than 20 s is another machine (tyres, load), and is learnt from the start.
+//!   small. With `steering_angle` and `loader.steering` it is subtracted from the front wheels' speed. Without, it is detected
+//!   (`bend`): the difference of the wheel speeds that no slip explains grows beyond its standard deviation; the estimates of
+//!   the last one to two seconds are discarded, and the unknowns are held and not healthy until the paths agree again. A
+//!   difference of more than 20 s means another machine (tyres, load), which is estimated from the start.
 //! - Slip speed is torque times speed over stiffness. A speed over ground that comes late adds the acceleration times the
 //!   delay, ten milliseconds as much as the slip itself; a slope that is none, because it is in degrees or has the
 //!   other sign, adds a gravity that no speed follows. Both are estimated beside the filter and contradict
@@ -33,7 +33,7 @@
 //!   stiffness and, of a height that was learnt, as much. Set it to 0 where the speed is known to be sampled
 //!   with the wheel speeds.
 //! - Tyres whose radius and stiffness change with the load are not part of the model. In the ratio of the slips that
-//!   cannot be told from the load share, and the error does not shrink with more data. The reported standard
+//!   cannot be distinguished from the load share, and the error does not shrink with more data. The reported standard
 //!   deviations contain it (`model_error.*`), the filter's own covariance does not.
 //!
 //! # Noise and defaults
@@ -117,7 +117,7 @@ use uncertainty::Uncertainty;
 /// A gap longer than this makes the motion begin anew, s.
 const LONGEST_GAP: f64 = 0.5;
 
-/// Time between two beliefs that are kept, so that what a bend has taught before it was seen can be taken back, s.
+/// Time between two beliefs that are kept, so that what was estimated in a bend before it was detected can be discarded, s.
 const KEEP_TIME: f64 = 1.0;
 
 /// The estimator; see the [module](self).
@@ -179,7 +179,7 @@ pub struct State {
     kept: Kept,
 }
 
-/// What was learnt by some earlier time.
+/// The estimates at some earlier time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Learnt {
     belief: Belief,
@@ -219,7 +219,7 @@ impl State {
         }
     }
 
-    /// Takes back what was learnt in the last one to two [`KEEP_TIME`].
+    /// Discards what was estimated in the last one to two [`KEEP_TIME`].
     fn take_back(&mut self) {
         let Learnt { belief, evidence, speed_evidence } = self.kept.older;
         restore_unknowns(&mut self.belief, &belief);
@@ -386,7 +386,7 @@ impl LoaderMachine {
         }
     }
 
-    /// Decides whether the unknowns are held, and whether what they have learnt can be true.
+    /// Decides whether the unknowns are held, and whether their estimates can be true.
     fn supervise(&self, state: &mut State, drive: &Drive, y: &Vector3<f64>, path_std: f64, dt: f64) -> Status {
         let mut status = Status::OK;
         let (motion, map) = (state.motion(), &self.filter.map);
@@ -419,10 +419,10 @@ impl LoaderMachine {
             late = !state.paths.differs()
                 && state.speed_evidence.update(&self.slip_speed, (radius, &steady, drive), y, dt);
         }
-        // By the radii as given: corrected ones have learnt from the same data.
+        // By the radii as given: corrected ones come from the same data.
         let slipless = !state.paths.is_bend() && state.evidence.update(&map.machine, drive, y, &self.slip_limits, dt);
         if slipless || late {
-            // What was learnt from contradictory data is worth nothing.
+            // Estimates from contradictory data are worthless.
             self.forget(state);
             status |= Status::RESTARTED;
         }
@@ -438,15 +438,15 @@ impl LoaderMachine {
         state.evidence.contradicts() || state.speed_evidence.contradicts()
     }
 
-    /// Gives up what was learnt.
+    /// Resets the estimates.
     fn forget(&self, state: &mut State) {
         restore_unknowns(&mut state.belief, &self.initial);
         state.supervision.mode = Mode::Held;
         state.kept = Kept::new(state.learnt());
     }
 
-    /// Paths that differ for good are those of another machine: tyres, pressure, load. What was learnt is given up, and
-    /// the radii, where they are estimated, may be as far off as was seen.
+    /// Paths that differ for good are those of another machine: tyres, pressure, load. The estimates are reset, and
+    /// the radii, where they are estimated, may be as wrong as the paths showed.
     fn begin_anew(&self, state: &mut State) -> Status {
         if !self.filter.radii {
             return Status::OK;

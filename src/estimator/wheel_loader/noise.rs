@@ -78,7 +78,7 @@ impl SensorNoise {
     }
 }
 
-/// Noise of one axle's slip innovation against what the settings expect.
+/// Noise of one axle's slip innovation relative to what the settings expect.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Roughness {
     smooth: f64,

@@ -170,7 +170,7 @@ variables! {
         radii: Radii = Radii::Estimated, "1";
         /// Spread of the sigma points. Wider ones reach slips that no drive has, and read a slip stiffness from them at low speed.
         alpha: f64 = 0.3, "1", [1e-4, 10.0];
-        /// Weight of the fourth moment; at least alpha squared. It is the variance that the transform gives the square of a unit Gaussian, which is 2. Below 0.8, that of the flattest distribution with one peak, no covariance is honest.
+        /// Weight of the fourth moment; at least alpha squared. It is the variance that the transform gives the square of a unit Gaussian, which is 2. Below 0.8, that of the flattest distribution with one peak, covariances come out too small.
         beta: f64 = 2.0, "1", [0.8, 100.0];
         /// Second spread of the sigma points.
         kappa: f64 = 0.0, "1", [-5.0, 100.0];
@@ -178,7 +178,7 @@ variables! {
         substeps: i32 = 2, "1", [1, 100];
         /// Whether a sample's drive is the mean of the last two inputs (true) or the last one.
         interpolate_inputs: bool = true, "1";
-        /// Hold, gates, limits of the standard deviations and the check of slip against torque; off only for comparisons.
+        /// Hold, gates, limits of the standard deviations and the comparison of slip and torque; off only for comparisons.
         supervise: bool = true, "1";
         /// Innovations beyond so many standard deviations are rejected.
         gate: f64 = 6.0, "1", [1.0, 1e6], tunable;

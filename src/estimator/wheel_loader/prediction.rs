@@ -1,4 +1,4 @@
-//! Time update: by the model through sigma points or its linearisation, or, while nothing is learnt, by a random walk.
+//! Time update: by the model through sigma points or its linearisation, or, while the unknowns are held, by a random walk.
 
 use super::belief::STATES;
 use super::coordinates::Map;
@@ -181,7 +181,7 @@ fn radius_errors<const N: usize>(state: &SVector<f64, N>) -> [f64; 2] {
     if N > 6 { [state[6], state[7]] } else { [0.0; 2] }
 }
 
-/// Time update while nothing is learnt: the motion walks at random, the unknowns keep mean and covariance.
+/// Time update while the unknowns are held: the motion walks at random, the unknowns keep mean and covariance.
 pub fn hold<const N: usize>(belief: &mut FactoredGaussian<N>, dt: f64) {
     let std = SVector::<f64, N>::from_fn(|i, _| if i < 3 { (HELD_PSD[i] * dt).sqrt() } else { 0.0 });
     absorb_diagonal(&mut belief.factor, &std);

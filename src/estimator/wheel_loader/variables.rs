@@ -26,7 +26,7 @@ variables! {
         wheel_speed_front: f64 = f64::NAN, "rad/s", [-2e3, 2e3], measured;
         /// Wheel speed of the rear axle. NaN = no sample.
         wheel_speed_rear: f64 = f64::NAN, "rad/s", [-2e3, 2e3], measured;
-        /// Steering angle: of the front wheels, or of the front half against the rear half; used unless loader.steering is none. NaN = the last value holds, for a while.
+        /// Steering angle: of the front wheels, or of the front half relative to the rear half; used unless loader.steering is none. NaN = the last value holds, for a while.
         steering_angle: f64 = f64::NAN, "rad", [-1.5, 1.5], held;
     }
 }
@@ -52,7 +52,7 @@ variables! {
         speed_estimate: Estimate = Estimate::NONE, "m/s";
         /// The unknowns are held: standstill, a spinning wheel, a bend, no data, or slip that contradicts the torque.
         hold: bool = true, "1";
-        /// The axles' paths differ in length and no slip explains it, as in a bend whose steering angle is not measured: nothing is learnt, and nothing is healthy.
+        /// The axles' paths differ in length and no slip explains it, as in a bend whose steering angle is not measured: the unknowns are held, and nothing is healthy.
         bend: bool = false, "1";
         /// The data have at least halved the standard deviation that the height of the centre of gravity started with.
         cg_height_observable: bool = false, "1";

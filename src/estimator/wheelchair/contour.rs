@@ -140,7 +140,7 @@ impl ChairMachine {
     }
 
     /// Mean square tilt that the ground may have along the contour line, rad^2: what the accelerometer's bias may hide,
-    /// and what the innovations speak for.
+    /// and what the innovations indicate.
     pub(super) fn tilt_along_contour(&self, state: &State) -> f64 {
         let gravity = self.chair.gravity;
         let (std, share) = hidden(&self.parameters.initial, self.accel_bias_std(), gravity);
@@ -168,15 +168,15 @@ impl ChairMachine {
         if matches!(state.belief, ChairBelief::Gravity(_)) || self.parameters.filter.model == Model::Paper {
             return;
         }
-        let [ahead, aside] = self.improbable_biases(&state.belief);
-        let pulled = match &state.belief {
+        let [forward, leftward] = self.improbable_biases(&state.belief);
+        let drifting = match &state.belief {
             ChairBelief::Biased(belief) => {
                 let bias = model::GYRO_BIAS + 2;
-                state.watch.bias_is_pulled(belief.mean[bias], belief.covariance[(bias, bias)], dt)
+                state.watch.bias_drifts(belief.mean[bias], belief.covariance[(bias, bias)], dt)
             }
             ChairBelief::Basic(_) | ChairBelief::Gravity(_) => false,
         };
-        if !state.watch.doubts(ahead || aside || pulled, PATIENCE, dt) {
+        if !state.watch.doubts(forward || leftward || drifting, PATIENCE, dt) {
             return;
         }
         let (alpha, mut belief) = match &state.belief {
@@ -184,8 +184,8 @@ impl ChairMachine {
             ChairBelief::Biased(belief) => (belief.mean[model::ALPHA], as_gravity(belief)),
             ChairBelief::Gravity(_) => return,
         };
-        let pitch_too = ahead || alpha.cos().abs() > ACROSS_ONLY || state.watch.gyro_contradicts();
-        self.free_tilt(&mut belief, &state.belief, pitch_too, aside);
+        let pitch_too = forward || alpha.cos().abs() > ACROSS_ONLY || state.watch.gyro_contradicts();
+        self.free_tilt(&mut belief, &state.belief, pitch_too, leftward);
         if !belief.is_valid() {
             return;
         }
@@ -194,7 +194,7 @@ impl ChairMachine {
         state.watch.reset();
     }
 
-    /// Forgets what a belief owes to the contour line.
+    /// Removes from a belief what it has from the contour line.
     fn free_tilt(&self, belief: &mut Gaussian<15>, from: &ChairBelief, pitch_too: bool, improbable: bool) {
         use gravity::{GX, GY, PSI, R, S, V, WP, WR};
         let (p, start) = (&self.parameters.initial, start(&self.parameters));
@@ -222,7 +222,7 @@ impl ChairMachine {
         // Along the contour line, "up" may lie anywhere.
         belief.reset_state(GY, 0.0, UNKNOWN_TILT * UNKNOWN_TILT);
         belief.reset_state(WR, 0.0, UNKNOWN_TILT_RATE * UNKNOWN_TILT_RATE);
-        // What the hands do against a slope across the heading has not been seen either.
+        // Nor has the moment been measured with which hands hold the chair on a slope across the heading.
         let held = self.chair.body.mass * self.chair.gravity * self.chair.body.com_ahead * UNKNOWN_TILT;
         belief.reset_state(biased_gravity::MOMENT_OFFSET, 0.0, held * held);
     }

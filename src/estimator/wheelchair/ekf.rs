@@ -241,7 +241,7 @@ impl<F> ChairEkf<F> {
         watch.vibration.add(&mut rows, self.noise.accel * self.noise.accel, dt, largest);
         let mut contradicted = false;
         if let Some(alpha) = F::heading_to_contour(&belief.mean) {
-            contradicted = watch.hold_against_contour(alpha, self.chair.gravity, belief, &rows, dt)
+            contradicted = watch.compare_with_contour(alpha, self.chair.gravity, belief, &rows, dt)
                 && rows.used[LEFT]
                 && self.gate.deviations <= 0.0;
             rows.used[LEFT] &= !contradicted;

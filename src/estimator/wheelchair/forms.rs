@@ -64,7 +64,7 @@ fn add_drift<const N: usize, const D: usize>(
     }
 }
 
-/// Drift of an unmodelled force. While the force moves nothing, its errors are neither seen nor in the way.
+/// Drift of an unmodelled force. While the force moves nothing, its errors are neither observable nor harmful.
 fn force_drift(noise: &Noise, drive: &Drive) -> f64 {
     if drive.still { 0.0 } else { noise.force_offset }
 }

@@ -36,7 +36,7 @@
 //! | ramp, 4 degrees | 0.8 0.8, 100 100 0 | 1.0 1.0, 100 100 0 | 2.2 2.2, 100 100 0 | 0.9 1.7, 100 100 0 |
 //! | the same at 60 degrees | 0.9 1.1, 100 100 0 | 1.1 1.2, 100 100 0 | 1.0 1.2, 100 100 0 | 0.9 2.6, 100 100 0 |
 //! | the same, moment not reported | 4.4 3.5, 93 99 8 | 4.6 3.6, 100 99 0 | 5.0 4.9, 96 99 2 | 0.9 2.8, 100 100 0 |
-//! | ramp, told heading 0 | 6.5 87.4, 99 90 0 | 6.6 87.5, 99 90 0 | 7.1 87.3, 99 90 0 | 0.9 1.7, 100 100 0 |
+//! | ramp, `initial.heading` 0 | 6.5 87.4, 99 90 0 | 6.6 87.5, 99 90 0 | 7.1 87.3, 99 90 0 | 0.9 1.7, 100 100 0 |
 //! | cross slope, 2 degrees | 0.6 8.2, 100 95 0 | 1.0 8.3, 100 95 0 | 2.2 8.2, 100 95 0 | 0.9 3.8, 100 100 0 |
 //! | the same, moment not reported | 0.6 8.1, 100 95 0 | 1.0 8.3, 100 95 0 | 2.1 8.1, 100 95 0 | 0.9 4.0, 100 100 0 |
 //! | circles on it | 0.6 8.1, 100 95 0 | 1.1 8.0, 100 95 0 | 2.6 7.9, 100 95 0 | 1.0 3.2, 100 100 0 |
@@ -48,7 +48,7 @@
 //! with `acceleration_input`, which is then wrong and healthy in a few per cent of a ride.
 //!
 //! # What cannot be observed
-//! On flat ground nothing tells the heading relative to the contour line: it rests on the initial heading and the
+//! On flat ground nothing measured gives the heading relative to the contour line: it rests on the initial heading and the
 //! encoders, and `status` says `unobservable`. Where the heading comes from gravity it is as good as the leftward
 //! accelerometer's bias is known: 25 to 60 mrad on a slope of 70. At rest slope and accelerometer bias cannot be
 //! distinguished (0.05 m/s2 look like 5 mrad). A slope that appears as a step, without rotation that the gyro could see,

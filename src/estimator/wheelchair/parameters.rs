@@ -257,7 +257,7 @@ impl Parameters {
         Limits { outlier_threshold: self.filter.outlier_threshold, substep: 0.02, longest_step: 1.0 }
     }
 
-    /// The gate.
+    /// The gate of the filter: `filter.gate` standard deviations, `filter.gate_patience` rejections in a row.
     pub fn gate(&self) -> Gate {
         Gate { deviations: self.filter.gate, patience: self.filter.gate_patience.max(0) as u32 }
     }

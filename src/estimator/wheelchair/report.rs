@@ -99,8 +99,8 @@ impl ChairMachine {
         let mut gradient = SVector::<f64, N>::zeros();
         (gradient[model::ALPHA], gradient[model::XI]) = (by_heading, by_slope);
         // Where the chair stands on end the gradient has a pole.
-        let ahead = x[model::ALPHA].cos() * chi;
-        outputs.pitch = Estimate::new(angle, belief.variance_along(&gradient).sqrt().hypot(ahead).min(FRAC_PI_2));
+        let forward = x[model::ALPHA].cos() * chi;
+        outputs.pitch = Estimate::new(angle, belief.variance_along(&gradient).sqrt().hypot(forward).min(FRAC_PI_2));
     }
 }
 

@@ -1,7 +1,7 @@
-//! Vibration that the accelerometer feels on cobbles, as noise beyond what its own is.
+//! Vibration of the accelerometer, as on cobbles: noise beyond its own.
 //!
-//! Vibration is broadband and a wrong bias, force or slope is not, so it is told by how far innovations of
-//! neighbouring samples lie apart. With `D_k = E[(nu_t - nu_(t-k))^2]/2`, less the accelerometer's own noise, and
+//! Vibration is broadband and a wrong bias, force or slope is not, so it is recognised by how far
+//! innovations of neighbouring samples lie apart. With `D_k = E[(nu_t - nu_(t-k))^2]/2`, less the accelerometer's own noise, and
 //! vibration that is left after a sample to a share `c`, `D_1 = V (1 - c)` and `D_2 = V (1 - c^2)`: `c = D_2/D_1 - 1`.
 //! A filter that takes its noise for white needs the variance of white noise with the same mean over many samples,
 //! `V (1 + c)/(1 - c)`. The source has nothing of the kind.
@@ -70,7 +70,7 @@ pub struct Vibration {
 }
 
 impl Vibration {
-    /// Learns from the innovations of a sample that came `dt` seconds after the last one and adds the vibration to the
+    /// Takes the innovations of a sample that came `dt` seconds after the last one and adds the vibration to the
     /// noise of the accelerometer's rows; `own` is the variance of the accelerometer alone.
     pub(super) fn add<const N: usize>(&mut self, rows: &mut Rows<N, 6>, own: f64, dt: f64, largest: f64) {
         let share = 1.0 - (-dt / TIME).exp();

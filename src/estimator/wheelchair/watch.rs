@@ -1,4 +1,4 @@
-//! Whether the innovations agree with what a filter takes as given: the contour line, and that nobody steers unseen.
+//! Whether the innovations agree with what a filter takes as given: the contour line, and that no unreported moment steers.
 //!
 //! The kinds with heading and slope know the tilt of the ground across one line only, that of `initial.heading`. Ground
 //! that tilts along that line as well, by `chi`, moves "up" in the body by `(cos(alpha) chi, -sin(alpha) chi)`: the
@@ -26,7 +26,7 @@ const HEADING_MEAN: f64 = 0.005;
 /// A mean so many standard deviations from zero is none of noise: of white noise the filter of [`Mean`] shows
 /// three quarters of what it expects.
 const SIGNIFICANT: f64 = 3.5;
-/// A bias is compared with what it was this long ago, s, and has been pulled if it has moved by more than this, m/s^2,
+/// A bias is compared with what it was this long ago, s, and drifts if it has moved by more than this, m/s^2,
 /// and by more than its own uncertainty explains.
 const BIAS_TIME: f64 = 2.0;
 const BIAS_MOVED: f64 = 0.04;
@@ -35,12 +35,12 @@ const LARGEST: f64 = 4.0;
 /// A smaller tilt along the contour line is left to the standard deviation, rad: no heading is given up for it, and below
 /// the second the leftward accelerometer remains in use.
 const LEAST_TILT: f64 = 0.012;
-const LEAST_PULL: f64 = 0.004;
+const LEAST_DISTURBING_TILT: f64 = 0.004;
 /// What the ground may tilt along the contour line while a sensor contradicts that line, rad.
 const SEEN_TILT: f64 = 0.1;
 /// The gyro sees a tilt only while it grows, and a bias that nobody expects stays: they count so many times.
 const CONCLUSIVE: f64 = 3.0;
-/// With less of it across the heading the leftward accelerometer says nothing of the contour line.
+/// With less of it across the heading the leftward accelerometer says nothing about the contour line.
 const LEAST_SHARE: f64 = 0.2;
 
 /// The mean of something that is zero if all is well, by a filter of one state.
@@ -52,7 +52,7 @@ pub struct Mean {
 
 impl Mean {
     /// Takes a sample of variance `noise`; since the last one the mean has moved by `drift` in variance.
-    fn learn(&mut self, sample: f64, noise: f64, drift: f64) {
+    fn update(&mut self, sample: f64, noise: f64, drift: f64) {
         if !sample.is_finite() {
             return;
         }
@@ -74,10 +74,10 @@ impl Mean {
     }
 }
 
-/// What is learned from innovations beside the state.
+/// What is estimated from innovations beside the state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Watch {
-    /// What the accelerometer feels on cobbles.
+    /// Vibration of the accelerometer, as on cobbles.
     pub vibration: Vibration,
     /// Tilt of the ground along the contour line, rad.
     across: Mean,
@@ -92,7 +92,7 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Mean square tilt along the contour line for which the innovations speak, rad^2.
+    /// Mean square tilt along the contour line that the innovations indicate, rad^2.
     pub fn tilt_along_contour(&self) -> f64 {
         let seen =
             if self.contour_is_contradicted() || self.gyro.is_significant() { SEEN_TILT * SEEN_TILT } else { 0.0 };
@@ -117,9 +117,9 @@ impl Watch {
         self.doubt > time
     }
 
-    /// Whether the leftward accelerometer's bias moves as none does: a bias that is learned moves within its own
-    /// uncertainty, one that makes peace between the accelerometer and a moment that nobody reports goes on and on.
-    pub fn bias_is_pulled(&mut self, bias: f64, variance: f64, dt: f64) -> bool {
+    /// Whether the leftward accelerometer's bias moves as no sensor's does: while a bias is being estimated it moves within its own
+    /// uncertainty, one that reconciles the accelerometer with an unreported moment keeps growing.
+    pub fn bias_drifts(&mut self, bias: f64, variance: f64, dt: f64) -> bool {
         self.bias_age += dt;
         if self.bias_age >= BIAS_TIME || self.bias[1] == 0.0 {
             (self.bias, self.bias_age) = ([bias, variance], 0.0);
@@ -129,14 +129,14 @@ impl Watch {
         moved > BIAS_MOVED * BIAS_MOVED && moved > SIGNIFICANT * SIGNIFICANT * explained
     }
 
-    /// Forgets all doubt.
+    /// Clears all doubt.
     pub fn reset(&mut self) {
         *self = Self { vibration: self.vibration, ..Self::default() };
     }
 
-    /// Holds a sample that came `dt` seconds after the last one against a contour line at the heading `alpha` to it.
-    /// Returns whether the leftward accelerometer contradicts it: it must not pull the direction of travel then.
-    pub(super) fn hold_against_contour<const N: usize>(
+    /// Compares a sample that came `dt` seconds after the last one with a contour line at the heading `alpha` to it.
+    /// Returns whether the leftward accelerometer contradicts it: it must not correct the direction of travel then.
+    pub(super) fn compare_with_contour<const N: usize>(
         &mut self,
         alpha: f64,
         gravity: f64,
@@ -148,11 +148,11 @@ impl Watch {
         if rows.used[LEFT] && share.abs() > LEAST_SHARE {
             let scale = gravity * share;
             let noise = rows.noise[(LEFT, LEFT)] / (scale * scale);
-            self.across.learn(rows.innovation[LEFT] / scale, noise, ACROSS * share * share * dt);
+            self.across.update(rows.innovation[LEFT] / scale, noise, ACROSS * share * share * dt);
         }
-        self.gyro.learn_row(belief, rows, GYRO, GYRO_MEAN * dt);
-        self.heading.learn_row(belief, rows, HEADING, HEADING_MEAN * dt);
-        self.across.is_significant() && self.across.value.abs() > LEAST_PULL
+        self.gyro.update_with_row(belief, rows, GYRO, GYRO_MEAN * dt);
+        self.heading.update_with_row(belief, rows, HEADING, HEADING_MEAN * dt);
+        self.across.is_significant() && self.across.value.abs() > LEAST_DISTURBING_TILT
     }
 
     fn contour_is_contradicted(&self) -> bool {
@@ -162,10 +162,10 @@ impl Watch {
 
 impl Mean {
     /// Takes the innovation of a row over its standard deviation.
-    fn learn_row<const N: usize>(&mut self, belief: &Gaussian<N>, rows: &Rows<N, 6>, row: usize, drift: f64) {
+    fn update_with_row<const N: usize>(&mut self, belief: &Gaussian<N>, rows: &Rows<N, 6>, row: usize, drift: f64) {
         if rows.used[row] {
             let variance = rows.expected_variance(row, belief) + rows.noise[(row, row)];
-            self.learn(rows.innovation[row] / variance.sqrt(), 1.0, drift);
+            self.update(rows.innovation[row] / variance.sqrt(), 1.0, drift);
         }
     }
 }

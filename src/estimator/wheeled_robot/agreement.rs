@@ -1,9 +1,9 @@
 //! Whether steering, lateral acceleration, yaw rate and speed agree with one another.
 //!
 //! `ay = vy' + r vx` holds for every vehicle, whatever its tyres. Over seconds `vy'` averages out, so that the regression
-//! of the lateral acceleration on `r vx` has a slope near 1. A turned sign, degrees for radians, g for m/s², km/h or rpm
+//! of the lateral acceleration on `r vx` has a coefficient near 1. A turned sign, degrees for radians, g for m/s², km/h or rpm
 //! make it another one. And a vehicle turns to the side to which it is steered: the regression of `r` on
-//! `vx tan(delta)/L` has a positive slope, unless it is steered against a slide. The filter itself may notice neither: in
+//! `vx tan(delta)/L` has a positive coefficient, unless it is steered against a slide. The filter itself may notice neither: in
 //! gentle driving its process noise can follow such measurements.
 
 use crate::filter::bounded;
@@ -33,16 +33,16 @@ pub struct Agreement {
 /// What is allowed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// Least and greatest slope.
-    pub slopes: [f64; 2],
-    /// Root mean square of `x` that shows a slope.
+    /// Least and greatest coefficient.
+    pub coefficients: [f64; 2],
+    /// Root mean square of `x` that determines a coefficient.
     pub least: f64,
 }
 
 /// Lateral acceleration over yaw rate times speed: roll adds up to a tenth and quick steering takes away a third.
-pub(super) const ACCELERATION: Limits = Limits { slopes: [0.5, 2.0], least: 0.15 };
+pub(super) const ACCELERATION: Limits = Limits { coefficients: [0.5, 2.0], least: 0.15 };
 /// Yaw rate over that of wheels that roll without slip: any understeer, hardly any oversteer.
-pub(super) const STEERING: Limits = Limits { slopes: [-0.3, 10.0], least: 0.03 };
+pub(super) const STEERING: Limits = Limits { coefficients: [-0.3, 10.0], least: 0.03 };
 
 /// A number with the standard deviation of its noise.
 type Noisy = (f64, f64);
@@ -64,10 +64,10 @@ impl Agreement {
         let one = x * x * (other + 4.0 * noise) + noise * (other + 2.0 * noise);
         self.variance += share * (share * one - (2.0 - share) * self.variance);
         let chance = CHANCE * (self.variance.max(0.0).sqrt() + bias * self.mean.abs());
-        let [low, high] = limits.slopes;
+        let [low, high] = limits.coefficients;
         let shown = self.square > limits.least * limits.least && self.square > self.noise;
         let off = self.product + chance < low * self.square || self.product - chance > high * self.square;
-        // once contradicted, only a slope that agrees clears it
+        // once contradicted, only a coefficient that agrees clears it
         let agrees = shown && self.product > low * self.square && self.product < high * self.square;
         self.contradicted = (shown && off) || (self.contradicted && !agrees);
     }
@@ -77,7 +77,7 @@ impl Agreement {
         [self.square, self.product, self.mean, self.variance, self.noise].into_iter().all(bounded)
     }
 
-    /// Whether the slope is one that no vehicle has.
+    /// Whether the coefficient is one that no vehicle has.
     pub fn contradicted(&self) -> bool {
         self.contradicted
     }

@@ -15,11 +15,11 @@
 //! # What cannot be observed
 //! With the two accelerations of the source, and also with the gyro, the longitudinal speed is not observable on a
 //! straight: `status` then says so and `speed_x_std` grows like the open loop's. With the wheels' or a reference speed
-//! it is. A constant error of a torque cannot be seen: it goes into the force as `b/R`.
+//! it is. A constant error of a torque is not observable: it goes into the force as `b/R`.
 //!
 //! Lateral speed rests on the tyres. Errors of `tire.*.stiffness` and `friction` (`stiffness_std`, `friction_std`), of
 //! the rolling radius (`wheel.radius_std`), a constant error of `accel_y` (`imu.accel_y_bias_std`) and of the
-//! directions in which the wheels roll (`filter.measurement_std.steering_angle_bias`) cannot be told from the motion, so
+//! directions in which the wheels roll (`filter.measurement_std.steering_angle_bias`) cannot be distinguished from the motion, so
 //! the filter considers them: it neither estimates them nor takes them as zero, and they count in its gain and in all
 //! standard deviations, where a speed is measured. What the model lacks altogether (camber, roll steer, a wrong centre of gravity) does not.
 //!
@@ -30,12 +30,12 @@
 //!   then errs by 1.4 to 1.7 times its deviation).
 //! - The accelerometers of road vehicles shake: 4 m/s2 of white noise are usual. While third differences of a channel
 //!   show more noise than declared, it counts as that noisy ([`filter::signal_noise`](crate::filter::signal_noise),
-//!   `filter.adaptive`); they ask no model, so that what contradicts the model is still seen.
-//! - `filter.gate` is 16: a sample four deviations off in every channel is no sample.
+//!   `filter.adaptive`); they need no model, so that what contradicts the model is still detected.
+//! - `filter.gate` is 16: a sample that is four standard deviations off in every channel is rejected.
 //! - `contradicted` comes from the innovations, from a lateral acceleration that does not follow yaw rate times speed,
-//!   and from a yaw rate against the steering: wrong signs and units.
-//! - A lateral speed of more than twice the forward speed is lost, since beyond the peak of the tyres' forces these tell
-//!   the slip no more: the filter makes a new start and is not healthy for a second.
+//!   and from a yaw rate that turns against the steering: wrong signs and units.
+//! - A lateral speed of more than twice the forward speed is lost, since beyond the peak of the tyres' forces these
+//!   no longer determine the slip: the filter makes a new start and is not healthy for a second.
 //! - Slip of the wheels is an error of the measured speed: in hard braking a car's `speed_x` errs by five times
 //!   `speed_x_std` unless `wheel.slip_stiffness` or `filter.measurement_std.speed` says so.
 //! - `filter.process_psd.*` are 0.04 (m2/s3 and rad2/s3).
@@ -53,17 +53,17 @@
 //!    channel is wrong (`identify tune wheeled-robot`).
 //!
 //! ## Measured
-//! Lateral speed on recordings of real cars, all noise settings and errors at their defaults, tyres as a new user would
-//! guess them (`identify/tests/wheeled_robot/recordings.rs`):
+//! Lateral speed on recordings of real cars, all noise settings and errors at their defaults, tyres at the start values
+//! of a new user (`identify/tests/wheeled_robot/recordings.rs`):
 //!
 //! | recording | error, m/s | within 2 std | healthy | healthy and beyond 3 std |
 //! |---|---|---|---|---|
 //! | Niki GTI, low speed, raw accelerometers of 4 m/s2 | 0.028 | 0.99 | 1.00 | 0.000 |
 //! | Niki GTI, AA273, wheel speeds, no accelerometer | 0.055 | 1.00 | 0.95 | 0.000 |
-//! | REVS 250 LM, up to 1.6 g, friction guessed as 1.0 | 0.265 | 0.98 | 1.00 | 0.001 |
+//! | REVS 250 LM, up to 1.6 g, friction set to 1.0 | 0.265 | 0.98 | 1.00 | 0.001 |
 //!
 //! A small car that drifts all the time, whose centre of gravity and tyres are not known either, is beyond what the
-//! parameters' errors cover: `healthy` says nothing of a geometry that is wrong.
+//! parameters' errors cover: `healthy` does not cover a wrong geometry.
 //!
 //! # Sources and errata
 //! Patent CN117406607B, claim 1: planar model (step 1), sliding-mode observer (step 2), square-root cubature filter
@@ -232,7 +232,7 @@ impl RobotMachine {
         lost
     }
 
-    /// Holds the lateral acceleration against the yaw rate, and this against the steering, at the measured speed.
+    /// Compares the lateral acceleration with the yaw rate, and this with the steering, at the measured speed.
     fn compare(&self, state: &mut State, (z, std): (&Vector4<f64>, &Vector4<f64>), drive: &Drive, dt: f64) {
         let p = &self.parameters;
         let [_, accel_y, gyro_z, speed]: [f64; 4] = (*z).into();

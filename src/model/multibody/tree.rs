@@ -78,7 +78,7 @@ pub struct Step {
     pub prismatic: bool,
     /// -1 if the tree runs through the joint from its child to its parent.
     pub sign: f64,
-    /// Motion of the child against the parent per unit of velocity, at the child's frame.
+    /// Motion of the child relative to the parent per unit of velocity, at the child's frame.
     pub screw: Vector6<f64>,
 }
 

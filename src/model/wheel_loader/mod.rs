@@ -74,11 +74,11 @@ variables! {
         axle_inertia_front: f64 = 36.0, "kg.m2", [1e-3, 1e5];
         /// Inertia of the rear axle with its drive, seen at the wheels (I_r).
         axle_inertia_rear: f64 = 36.0, "kg.m2", [1e-3, 1e5];
-        /// Distance of the bucket's tip ahead of the front axle (l_c).
+        /// Distance of the bucket's tip forward of the front axle (l_c).
         bucket_reach: f64 = 1.6, "m", [-5.0, 20.0];
         /// Height of the bucket's tip above ground, where the spading force acts (h_b).
         bucket_height: f64 = 0.0, "m", [-5.0, 20.0];
-        /// How the machine is steered, which says what the measured steering angle does to the axles' paths; none = it is not measured, and bends are only seen.
+        /// How the machine is steered, which says what the measured steering angle does to the axles' paths; none = it is not measured, and bends are only detected.
         steering: Steering = Steering::None, "1";
         /// Articulated: distance of the joint behind the front axle; halfway, both axles roll equally far in a steady bend.
         joint_to_front_axle: f64 = 1.1, "m", [0.0, 20.0];

@@ -2,7 +2,7 @@
 //!
 //! An axle rolls along its own wheels. *Front-steered*: the front axle turned by `delta` rolls `v_f = v_r / cos delta`
 //! where the rear one rolls `v_r`. *Articulated*: two halves meet at a joint that lies `l_f` behind the front and `l_r`
-//! ahead of the rear axle; `gamma` is the front half's heading minus the rear half's. The joint has one velocity, and
+//! forward of the rear axle; `gamma` is the front half's heading minus the rear half's. The joint has one velocity, and
 //! neither axle moves sideways:
 //!
 //! ```text

@@ -18,7 +18,7 @@ pub struct Ramp {
 }
 
 impl Ramp {
-    /// Ground of one tilt.
+    /// Ground of the same slope everywhere, rad, positive uphill.
     pub fn constant(slope: f64) -> Self {
         Self { base: slope, slope, from: 0.0, to: 0.0, edge: 0.0 }
     }

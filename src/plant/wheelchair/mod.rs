@@ -233,7 +233,7 @@ impl Plant {
         // Unknowns: v', r', side force on the axle, drive force right, drive force left.
         let mut balance = SMatrix::<f64, 5, 5>::zeros();
         let mut right = SVector::<f64, 5>::zeros();
-        // Ahead: M (v' - l r^2)
+        // Forward: M (v' - l r^2)
         balance[(0, 0)] = b.mass;
         (balance[(0, 3)], balance[(0, 4)]) = (-1.0, -1.0);
         right[0] = b.mass * b.com_ahead * r * r - b.drag * v - rolling + weight.dot(&pose.axes[0]);

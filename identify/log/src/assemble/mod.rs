@@ -230,7 +230,7 @@ fn to_si(
                     let text = index.column(*at).unit.as_deref().unwrap_or_default();
                     let name = quoted(&index.column(*at).name);
                     return Err(format!(
-                        "the formula reads {name} in {text} as recorded: unit = \"...\" must tell the unit of its result"
+                        "the formula reads {name} in {text} as recorded: unit = \"...\" must give the unit of its result"
                     ));
                 }
             }

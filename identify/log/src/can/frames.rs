@@ -116,7 +116,7 @@ fn object_frame(kind: u32, object: &[u8]) -> Option<Frame<'_>> {
     })
 }
 
-/// The name of a channel that is told by a number.
+/// The name of a channel that is identified by a number.
 fn number(channel: u16) -> &'static str {
     const NAMES: [&str; 17] =
         ["0", "1", "2", "3", "4", "5", "6", "7", "8", "9", "10", "11", "12", "13", "14", "15", "16"];
@@ -183,7 +183,7 @@ fn read_bytes<'a>(words: &[&str], base: u32, to: &'a mut [u8; 64]) -> Option<&'a
     to.get(..words.len())
 }
 
-/// Calls `with` for each data frame of candump's text, in both of its forms:
+/// Calls `with` for each data frame of candump's text, times in s; an error names the line. Both of its forms are read:
 /// `(1436509052.249713) can0 044#2A366C2BBA` and `(1436509052.249713)  can0  044   [5]  2A 36 6C 2B BA`.
 pub fn candump(text: &str, mut with: impl FnMut(Frame)) -> Result<(), String> {
     for (line, text) in text.lines().enumerate().filter(|(_, text)| !text.trim().is_empty()) {

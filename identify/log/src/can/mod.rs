@@ -29,7 +29,7 @@ pub(crate) enum Kind {
 /// A message of a database.
 struct Message {
     id: (u32, bool),
-    /// The signal that tells which others are in the frame.
+    /// The signal that says which others are in the frame.
     multiplexer: Option<Layout>,
     /// In the order of the group's columns behind its time.
     signals: Vec<Result<Layout, String>>,

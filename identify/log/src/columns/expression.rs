@@ -85,7 +85,7 @@ impl Expression {
         &self.names
     }
 
-    /// Its value at every sample; NaN where it cannot be told. `arguments` are the columns of
+    /// Its value at every sample; NaN where it has none. `arguments` are the columns of
     /// [`names`](Self::names), in that order.
     pub fn evaluate(&self, arguments: &[&[f64]], samples: usize) -> Vec<f64> {
         let mut row = vec![f64::NAN; arguments.len()];
@@ -98,7 +98,7 @@ impl Expression {
         (0..samples).map(value).collect()
     }
 
-    /// Makes those values missing for which the condition holds or cannot be told.
+    /// Makes those values missing for which the condition holds or cannot be evaluated.
     pub fn blank(&self, arguments: &[&[f64]], values: &mut [f64]) {
         let holds = self.evaluate(arguments, values.len());
         for (value, held) in values.iter_mut().zip(holds) {

@@ -262,12 +262,6 @@ impl ColumnMap {
         Ok(())
     }
 
-    /// All names of columns that stand in the map.
-    pub(crate) fn mentioned(&self) -> impl Iterator<Item = &str> {
-        let rules = self.time.iter().chain(self.channels.iter().map(|(_, rule)| rule));
-        rules.flat_map(Rule::mentioned).chain(self.missing_if.iter().flat_map(|c| c.names()).map(String::as_str))
-    }
-
     /// The mapped channels whose unit is stated, with the SI unit that their values have after mapping.
     pub fn units(&self) -> impl Iterator<Item = (&str, &'static str)> {
         self.channels.iter().filter_map(|(name, rule)| Some((name.as_str(), rule.si_after(rule.unit?.si).ok()?)))

@@ -150,21 +150,6 @@ impl Rule {
         self.radius.is_none() && self.calculus.is_none() && self.between.is_none() && !self.optional
     }
 
-    /// All names of columns in the rule; a formula in place of a column counts with the names in it.
-    pub fn mentioned(&self) -> impl Iterator<Item = &str> {
-        let (candidates, names) = match &self.source {
-            Source::Column(candidates) => (candidates.as_slice(), &[][..]),
-            Source::Expression(expression) => (&[][..], expression.names()),
-            Source::Value(_) => (&[][..], &[][..]),
-        };
-        let columns = candidates.iter().flat_map(|candidate| {
-            let formula = candidate.formula.as_ref().map_or(&[][..], Expression::names);
-            candidate.selector.name().into_iter().chain(formula.iter().map(String::as_str))
-        });
-        let conditions = self.missing_if.as_ref().map_or(&[][..], Expression::names);
-        columns.chain(names.iter().chain(conditions).map(String::as_str))
-    }
-
     /// The SI unit after `radius` and calculus of values in the SI unit `si`.
     pub fn si_after(&self, si: &'static str) -> Result<&'static str, String> {
         let through = |table: &[(&'static str, &'static str)], what: &str| {
@@ -211,7 +196,7 @@ fn integral(time: &[f64], values: &[f64]) -> Result<Vec<f64>, String> {
         if let Some((before, old)) = last {
             if time - before > longest {
                 return Err(format!(
-                    "integrate: there is no sample from {before} s to {time} s, and nobody knows the integral after that"
+                    "integrate: there is no sample from {before} s to {time} s, and the integral is unknown after that"
                 ));
             }
             sum += 0.5 * (old + value) * (time - before);

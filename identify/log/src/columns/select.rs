@@ -10,7 +10,7 @@ pub(crate) enum Which {
     Index(usize),
 }
 
-/// A column, and the group that it stands in where that is told.
+/// A column, and the group that it is in where that is given.
 ///
 /// A name alone is looked for in all groups; if there is none, the text before a `/` or a `.` in it is
 /// taken for a group, by name or by place: `engine/speed`, `1/speed`, `/odom.twist.twist.linear.x`.
@@ -42,7 +42,7 @@ impl Selector {
         name.char_indices().filter(|(_, c)| matches!(c, '/' | '.')).map(|(at, _)| (&name[..at], &name[at + 1..]))
     }
 
-    /// The name as written in the map, if the column is told by name.
+    /// The name as written in the map, if the column is given by name.
     pub fn name(&self) -> Option<&str> {
         match &self.column {
             Which::Name(name) => Some(name),

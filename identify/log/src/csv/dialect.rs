@@ -1,4 +1,4 @@
-//! How a CSV file is written, guessed from its start.
+//! How a CSV file is written, detected from its start.
 
 use super::cell::Cells;
 use super::source::{Ends, Source};
@@ -20,27 +20,27 @@ pub struct Dialect {
     pub skip: (usize, u64),
     /// The line under the header holds units.
     pub unit_row: bool,
-    /// What was guessed, in words.
+    /// What was detected, in words.
     pub note: Option<String>,
 }
 
 impl Dialect {
     /// Guesses what the options leave open.
-    pub fn guess(file: &str, source: &Source, options: &CsvOptions) -> Result<Self, LogError> {
+    pub fn detect(file: &str, source: &Source, options: &CsvOptions) -> Result<Self, LogError> {
         let sample = source.sample.as_slice();
         if let Some(kind) = foreign(sample) {
             return Err(LogError::file(file, format!("is not a CSV file but {kind}")));
         }
-        let mut told = Vec::new();
+        let mut notes = Vec::new();
         let returns = sample.contains(&b'\r') && !sample.contains(&b'\n');
         let ends = if returns { Ends::Return } else { Ends::Feed };
         if returns {
-            told.push("lines that end in a carriage return".to_owned());
+            notes.push("lines that end in a carriage return".to_owned());
         }
         match (source.encoding, options.encoding) {
             (_, Some(_)) | (Encoding::Utf8, None) => {}
-            (Encoding::Latin1, None) => told.push("Latin-1 text".to_owned()),
-            (_, None) => told.push("UTF-16 text".to_owned()),
+            (Encoding::Latin1, None) => notes.push("Latin-1 text".to_owned()),
+            (_, None) => notes.push("UTF-16 text".to_owned()),
         }
         let end = if returns { b'\r' } else { b'\n' };
         let mut lines = Vec::new();
@@ -70,19 +70,19 @@ impl Dialect {
         let plain: Vec<&[u8]> = rest.iter().map(|(_, line)| *line).filter(|line| !line.is_empty()).collect();
         let is_comment = |line: &&[u8]| comment.is_some() && line.first() == comment.as_ref();
         let body: Vec<&[u8]> = plain.iter().copied().filter(|line| !is_comment(line)).take(ROWS).collect();
-        let separator_told = separator;
+        let given_separator = separator;
         let separator = separator.unwrap_or_else(|| best_separator(&body));
-        if separator != b',' && separator_told.is_none() {
+        if separator != b',' && given_separator.is_none() {
             let name = match separator {
                 b'\t' => "a tab".to_owned(),
                 other => format!("'{}'", other as char),
             };
-            told.push(format!("{name} between columns"));
+            notes.push(format!("{name} between columns"));
         }
         let rows = records(&body, separator);
         let decimal = options.decimal.unwrap_or_else(|| best_decimal(&rows));
         if decimal == b',' && options.decimal.is_none() {
-            told.push("a decimal comma".to_owned());
+            notes.push("a decimal comma".to_owned());
         }
         let cells = Cells { decimal, missing: options.missing.clone() };
         // A header behind a comment sign, as numpy writes it.
@@ -100,22 +100,22 @@ impl Dialect {
                     start = at + sign + 1;
                     first += k;
                     comment_used = comment;
-                    told.push("the header in a comment".to_owned());
+                    notes.push("the header in a comment".to_owned());
                 }
             }
         }
         let comment = comment_used;
         let unit_row = options.units.unwrap_or_else(|| rows.get(1).is_some_and(|row| is_unit_row(row, &cells)));
         if unit_row && options.units.is_none() {
-            told.push("units in the line under the header".to_owned());
+            notes.push("units in the line under the header".to_owned());
         }
         if options.comment.is_none()
             && let Some(mark) = comment
         {
-            told.push(format!("lines that begin with '{}' as comments", mark as char));
+            notes.push(format!("lines that begin with '{}' as comments", mark as char));
         }
-        let note = (!told.is_empty())
-            .then(|| format!("read with {}; [csv] in a column map decides otherwise", told.join(", ")));
+        let note = (!notes.is_empty())
+            .then(|| format!("read with {}; [csv] in a column map decides otherwise", notes.join(", ")));
         Ok(Self { separator, cells, comment, ends, skip: (start, first as u64), unit_row, note })
     }
 }
@@ -162,7 +162,7 @@ fn best_separator(lines: &[&[u8]]) -> u8 {
     if best.0 > 0 {
         return best.1;
     }
-    // Rows of different lengths: the header alone tells, and the row that is wrong will be named.
+    // Rows of different lengths: the header alone decides, and the row that is wrong will be named.
     let header = &lines.first().copied().unwrap_or_default();
     let count = |separator: u8| header.iter().filter(|byte| **byte == separator).count();
     *b",;\t|".iter().rev().max_by_key(|separator| count(**separator)).unwrap_or(&b',')

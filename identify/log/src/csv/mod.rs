@@ -1,7 +1,7 @@
 //! CSV: a header with names, and a row for each sample; empty or `nan` is a missing one.
 //!
 //! What is usual elsewhere (separators, decimal commas, rows of units, encodings, comments, packed files) is
-//! guessed from the start of the file and reported in one line.
+//! detected from the start of the file and reported in one line.
 
 mod cell;
 mod dialect;
@@ -54,7 +54,7 @@ struct Reading {
 /// The parser itself, over any bytes.
 pub(super) fn parse(file: &str, from: impl Read, options: &CsvOptions, to: &Progress) -> Result<Recording, LogError> {
     let mut source = Source::open(file, from, options.encoding)?;
-    let dialect = Dialect::guess(file, &source, options)?;
+    let dialect = Dialect::detect(file, &source, options)?;
     let lines = source.lines(dialect.skip.0, dialect.ends);
     let mut rows = Rows::new(lines, &dialect);
     let fail = |e: io::Error| LogError::file(file, e.to_string());
@@ -166,7 +166,7 @@ fn columns(file: &str, row: Row<'_>, line: u64, source: &Source, dialect: &Diale
         columns.push(Reading { title, unit: None, kind: Kind::Unknown, values: Vec::new(), text: None });
     }
     if row.iter().all(|cell| !cell.is_empty() && dialect.cells.is_value(cell)) {
-        let what = "a header with the names of the columns is expected, but here stand values";
+        let what = "a header with the names of the columns is expected, but here are values";
         return Err(LogError::line(file, line, format!("{what}, {} first", quoted(&columns[0].title))));
     }
     Ok(columns)

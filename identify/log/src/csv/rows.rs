@@ -195,7 +195,7 @@ mod tests {
     fn dialect() -> Dialect {
         let options = CsvOptions::default();
         let source = Source::open("log.csv", &b"time,speed\n0,1\n1,2\n"[..], None).unwrap();
-        Dialect::guess("log.csv", &source, &options).unwrap()
+        Dialect::detect("log.csv", &source, &options).unwrap()
     }
 
     proptest! {

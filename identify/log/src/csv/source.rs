@@ -8,7 +8,7 @@ use std::cell::RefCell;
 use std::io::{self, Cursor, Read};
 use std::rc::Rc;
 
-/// Bytes at the start from which the dialect is guessed.
+/// Bytes at the start from which the dialect is detected.
 const SAMPLE: usize = 1 << 16;
 /// A packed file that grows beyond this many bytes and this many times is no log.
 const LARGEST: u64 = 1 << 30;
@@ -42,7 +42,7 @@ pub struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    /// Opens a text file; `encoding` is guessed if it is not given.
+    /// Opens a text file; `encoding` is detected if it is not given.
     pub fn open(file: &str, from: impl Read + 'a, encoding: Option<Encoding>) -> Result<Self, LogError> {
         let fail = |e: io::Error| LogError::file(file, unpacking(&e));
         let from: Box<dyn Read + 'a> = Box::new(from);
@@ -62,7 +62,7 @@ impl<'a> Source<'a> {
             _ => Box::new(packed),
         };
         let (mut sample, mut whole) = take(&mut unpacked, SAMPLE).map_err(fail)?;
-        let encoding = encoding.unwrap_or_else(|| guess(&sample));
+        let encoding = encoding.unwrap_or_else(|| detect(&sample));
         let wide = match encoding {
             Encoding::Utf16Le => Some(encoding_rs::UTF_16LE),
             Encoding::Utf16Be => Some(encoding_rs::UTF_16BE),
@@ -224,7 +224,7 @@ fn take(from: &mut impl Read, most: usize) -> io::Result<(Vec<u8>, bool)> {
 }
 
 /// The encoding of a text that begins like this.
-fn guess(sample: &[u8]) -> Encoding {
+fn detect(sample: &[u8]) -> Encoding {
     match sample {
         [0xff, 0xfe, ..] => return Encoding::Utf16Le,
         [0xfe, 0xff, ..] => return Encoding::Utf16Be,

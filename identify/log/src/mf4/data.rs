@@ -161,7 +161,7 @@ impl<'a> Collected<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
     pub id: u64,
-    /// Bytes of a record without its number; `None` if each tells its own length.
+    /// Bytes of a record without its number; `None` if each states its own length.
     pub size: Option<usize>,
 }
 

@@ -43,8 +43,8 @@ fn parse(name: &str, file: File, progress: &Progress) -> Result<Recording, LogEr
     let reader = SerializedFileReader::new(file).map_err(fail)?;
     let meta = reader.metadata().file_metadata();
     let schema = meta.schema_descr();
-    let told = |key: &str| find(meta.key_value_metadata(), key);
-    let durations = told("ARROW:schema").map(arrow::durations).unwrap_or_default();
+    let metadata = |key: &str| find(meta.key_value_metadata(), key);
+    let durations = metadata("ARROW:schema").map(arrow::durations).unwrap_or_default();
     let rows: usize =
         reader.metadata().row_groups().iter().map(|group| usize::try_from(group.num_rows()).unwrap_or(0)).sum();
     let mut columns: Vec<Column> = Vec::new();
@@ -92,7 +92,7 @@ fn parse(name: &str, file: File, progress: &Progress) -> Result<Recording, LogEr
             });
         }
     }
-    columns.extend(told("pandas").and_then(|text| range_index(text, rows)));
+    columns.extend(metadata("pandas").and_then(|text| range_index(text, rows)));
     progress.finish();
     let groups = vec![Group { name: String::new(), clock: Clock::Undecided, columns }];
     Ok(Recording {
@@ -113,9 +113,12 @@ fn find<'a>(entries: Option<&'a Vec<KeyValue>>, key: &str) -> Option<&'a str> {
 
 /// The index of a pandas table that is not stored but counted: `{"kind": "range", "name": .., "start": .., "step": ..}`.
 fn range_index(pandas: &str, rows: usize) -> Option<Column> {
-    let told: serde_json::Value = serde_json::from_str(pandas).ok()?;
-    let index =
-        told.get("index_columns")?.as_array()?.iter().find(|index| index.get("kind").is_some_and(|k| k == "range"))?;
+    let pandas: serde_json::Value = serde_json::from_str(pandas).ok()?;
+    let index = pandas
+        .get("index_columns")?
+        .as_array()?
+        .iter()
+        .find(|index| index.get("kind").is_some_and(|k| k == "range"))?;
     let (name, start, step) =
         (index.get("name")?.as_str()?, index.get("start")?.as_f64()?, index.get("step")?.as_f64()?);
     Some(Column::numbers(name, (0..rows).map(|row| start + row as f64 * step).collect()))

@@ -21,11 +21,11 @@ use wheelstate::{Estimator, Status, Variable, Variables};
 pub const PROBLEM: Problem = Problem { targets, estimate, validate };
 
 const PARTS: [(&str, &str); 3] = [("stiffness", "N.m/rad"), ("damping", "N.m.s/rad"), ("rest", "rad")];
-/// Largest standard deviation of the torques, as a share of their own spread, that still tells something.
+/// Largest standard deviation of the torques, as a share of their own spread, that is still informative.
 const BLUR: f64 = 0.5;
 /// Samples of which one is looked at where only differences between fits are looked for.
 const COARSE: usize = 8;
-/// Time over which the errors of the torques hang together, s.
+/// Time over which the errors of the torques are correlated, s.
 const CLUSTER: f64 = 0.25;
 
 /// The joints of the logs: those of the seated body, or whatever has a torque of its own.

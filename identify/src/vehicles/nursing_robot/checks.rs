@@ -10,7 +10,7 @@ pub const CHECKS: Checks = Checks {
     optional: &[
         ("tilt", "human.*_pitch come from the wheels alone, and human.rest_pitch stays unknown"),
         ("tilt_rate", "the derivative of tilt takes its place"),
-        ("roll", "human.*_roll stay unknown: wheels do not feel roll"),
+        ("roll", "human.*_roll stay unknown: roll does not act on the wheels"),
         ("roll_rate", "the derivative of roll takes its place"),
         ("yaw_rate", "the robot is taken to drive straight"),
         ("accel_x", "slopes of the floor go into mass and rolling resistance"),

@@ -39,7 +39,7 @@ variables! {
         mass: f64 = 100.0, "kg", [1.0, 1e4];
         /// Yaw inertia about the centre of mass; chair.yaw_inertia unless set.
         yaw_inertia: f64 = 7.0, "kg.m2", [1e-3, 1e5];
-        /// Centre of mass ahead of the axle; chair.com_ahead unless set.
+        /// Forward position of the centre of mass, from the axle; chair.com_ahead unless set.
         com_ahead: f64 = 0.12, "m", [-2.0, 2.0];
         /// Viscous drag; chair.drag unless set.
         drag: f64 = 12.0, "N.s/m", [0.0, 1e4];
@@ -59,7 +59,7 @@ variables! {
         moment_bias: f64 = 0.0, "N.m", [-1e4, 1e4];
         /// Bias of the gyro.
         gyro_bias: f64 = 0.0, "rad/s", [-10.0, 10.0];
-        /// Bias of the accelerometer ahead.
+        /// Bias of the forward accelerometer.
         accel_x_bias: f64 = 0.0, "m/s2", [-10.0, 10.0];
         /// Bias of the accelerometer to the left.
         accel_y_bias: f64 = 0.0, "m/s2", [-10.0, 10.0];

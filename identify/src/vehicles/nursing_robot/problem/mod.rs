@@ -7,7 +7,7 @@
 //! | `human.*_pitch` | `tilt` | weak-form pitch rows; with `--refine` output error of speed and tilt |
 //! | `human.rest_pitch_std` (`--only`) | `tilt` | standard error of `human.rest_pitch`, and that nobody sits down twice alike |
 //! | `human.*_pitch` | only wheels | rows from the wheels only to start, then output error of the speed; `rest_pitch` stays unknown (a kept lean makes no force) |
-//! | `human.*_roll` | `roll` | weak-form roll rows; wheels do not feel roll |
+//! | `human.*_roll` | `roll` | weak-form roll rows; roll does not act on the wheels |
 //! | `rolling.coefficient`, `robot.drive_efficiency` | the person's weight as `human.nominal_mass` | weak-form force balance |
 //! | `robot.mass` or `human.nominal_mass`, with `rolling.coefficient` (`--only`) | the other mass, `robot.drive_efficiency` | the same rows with the mass unknown |
 //! | `aero.drag_area` (`--only`, with `robot.mass` and `rolling.coefficient`) | fast and slow driving | the same rows with the drag unknown |
@@ -252,7 +252,7 @@ fn pitch(
 
 fn roll(logs: &[Windowed], body: &Body, progress: &Progress, session: &mut Session) -> Result<(), FitError> {
     if logs.iter().all(|log| log.signals.roll.is_empty()) {
-        let reason = "the logs have no roll channel, and wheels do not feel roll";
+        let reason = "the logs have no roll channel, and roll does not act on the wheels";
         ROLL.iter().for_each(|name| session.give_up(name, reason));
         return Ok(());
     }

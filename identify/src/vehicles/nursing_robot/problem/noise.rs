@@ -1,4 +1,4 @@
-//! What sensor noise alone makes of a row: its covariance tells how far noise in the regressors
+//! What sensor noise alone makes of a row: its covariance says how far noise in the regressors
 //! pulls the estimates, and whether the signals rise above it at all.
 
 use super::Windowed;

@@ -309,7 +309,7 @@ pub fn drive(rows: &mut Rows, windows: &Windows, body: &Body, unknowns: Drive, a
     });
 }
 
-/// Blind: `[c, k - b g, (k - b g) f M g]` from force and speed alone, for windows of straight forward
+/// Without a tilt sensor: `[c, k - b g, (k - b g) f M g]` from force and speed alone, for windows of straight forward
 /// drive. Pitch is eliminated; with noisy speed the answer is biased and only good to start from.
 pub fn wheels_only(rows: &mut Rows, windows: &Windows, body: &Body) {
     let s = windows.signals;

@@ -84,7 +84,7 @@ fn moment(
     prediction(trace, rows::OVERLAP)
 }
 
-/// Pitch simulated open loop over pieces of 10 s from the logged force, against the measured one.
+/// Pitch simulated open loop over pieces of 10 s from the logged force, compared with the measured one.
 fn simulated_pitch(source: &str, log: &Windowed, body: &Body, hip: &Passive) -> Option<Prediction> {
     let signals = &log.signals;
     let samples = |seconds: f64| (seconds / signals.period).round() as usize;

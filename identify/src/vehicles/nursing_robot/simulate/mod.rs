@@ -29,7 +29,7 @@ pub const SCENARIOS: &[Scenario] = &[
     Scenario { name: "coughs", about: "smooth start, three coughs while driving" },
     Scenario { name: "new-patient", about: "stop and go; another patient sits down at 16 s" },
     Scenario { name: "load-drop", about: "changing speed; 20 kg are taken off at 20 s while driving" },
-    Scenario { name: "release", about: "standing free; the body is let go from a lean; smooth start at 3 s" },
+    Scenario { name: "release", about: "standing free; the body is released from a lean; smooth start at 3 s" },
     Scenario { name: "lean", about: "driving; the patient takes another posture at 4 s and keeps it" },
     Scenario {
         name: "disturbed",
@@ -48,7 +48,7 @@ pub struct Run {
     pub log: Log,
     /// The machine and patient as they are at the start.
     pub truth: Parameters,
-    /// What an estimator would be told: the truth, except where the scenario has it wrong.
+    /// What an estimator would be given: the truth, except where the scenario has it wrong.
     pub assumed: Parameters,
 }
 

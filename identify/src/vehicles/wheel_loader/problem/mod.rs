@@ -329,7 +329,7 @@ fn without_height(
     }
     session.estimate_judged(STIFFNESS, fit, judged(variance[0].sqrt()), |x| x[0]);
     session.estimate_judged(RATIO, fit, judged(variance[1].sqrt()), |x| x[1] / x[0]);
-    session.note("initial.cg_height is not seen in the log; initial.cg_ratio relies on its given value");
+    session.note("initial.cg_height is not observable in the log; initial.cg_ratio relies on its given value");
     RADII.iter().filter(|name| task.wants(name)).for_each(|name| {
         session.retract(name, "neither coasting nor changing torque shows it");
     });
@@ -435,7 +435,7 @@ fn impulse_balance(logs: &[Run], machine: &Machine) -> Regression {
     }
 }
 
-/// Stage 2: torque against slip and load, unknowns `(K, K lambda, K h, eta_f, eta_r, K tau of each log)`, from one of
+/// Stage 2: torque as a function of slip and load, unknowns `(K, K lambda, K h, eta_f, eta_r, K tau of each log)`, from one of
 /// `stride` samples.
 fn slip_balance(
     logs: &[Run],

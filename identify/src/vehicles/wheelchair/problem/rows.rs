@@ -42,7 +42,7 @@ pub const IP: usize = 4;
 pub const B: usize = 5;
 /// Index of the yaw friction.
 pub const TAUC: usize = 6;
-/// Index of the accelerometer's constant ahead.
+/// Index of the forward accelerometer's constant.
 pub const C1: usize = 7;
 /// Index of the accelerometer's constant to the left.
 pub const C2: usize = 8;
@@ -100,7 +100,7 @@ impl Windows {
         let r_squared = int(0, &|i| s.yaw_rate[i] * s.yaw_rate[i]);
         let mut row = [0.0; UNKNOWNS];
         let turning = self.turning(chair, start, int(2, &|i| s.heading[i]));
-        row[M] = int(0, &|i| s.ahead[i]) + dy * turning + dx * r_squared;
+        row[M] = int(0, &|i| s.forward[i]) + dy * turning + dx * r_squared;
         row[D] = -int(1, &|i| s.travel[i]);
         row[FC] = int(0, &|i| s.sense[0][i]);
         row[ML] = -r_squared;
@@ -145,7 +145,7 @@ impl Windows {
         ];
         let held: Vec<f64> = self.psi.held.iter().copied().chain([0.0]).collect();
         let force = vec![
-            part("accel_x", &[(M, psi.clone())], noise_of(&s.ahead)),
+            part("accel_x", &[(M, psi.clone())], noise_of(&s.forward)),
             part("encoders", &on_travel, travel),
             part("encoders", &[(M, scaled(psi2, dy))], heading),
             part("drive_force", &[(UNKNOWNS, psi.clone())], noise_of(&s.force)),

@@ -26,8 +26,8 @@ pub struct Signals {
     pub yaw_rate: Vec<f64>,
     /// Smooth signs of speed and yaw rate.
     pub sense: [Vec<f64>; 2],
-    /// Specific force ahead, m/s2, without outliers.
-    pub ahead: Vec<f64>,
+    /// Forward specific force, m/s2, without outliers.
+    pub forward: Vec<f64>,
     /// Specific force to the left, m/s2, without outliers.
     pub left: Vec<f64>,
     /// Drive force, N.
@@ -72,8 +72,8 @@ pub fn signals(log: &Log, chair: &Chair) -> Result<Signals, FitError> {
         travel.push(reference + chair.reference_offset() * (turned - chair.heading_reference));
         heading.push(turned);
     }
-    let (mut ahead, mut sideways) = (channel("accel_x"), channel("accel_y"));
-    let replaced = hampel(&mut ahead, period) + hampel(&mut sideways, period);
+    let (mut forward, mut sideways) = (channel("accel_x"), channel("accel_y"));
+    let replaced = hampel(&mut forward, period) + hampel(&mut sideways, period);
     let (speed, yaw_rate) = (slope_of_mean(&travel, period), slope_of_mean(&heading, period));
     let sense = |values: &[f64], width: f64| values.iter().map(|value| (value / width).tanh()).collect();
     Ok(Signals {
@@ -85,7 +85,7 @@ pub fn signals(log: &Log, chair: &Chair) -> Result<Signals, FitError> {
         travel,
         heading,
         outliers: replaced as f64 / (2 * log.len()).max(1) as f64,
-        ahead,
+        forward,
         left: sideways,
         force: channel("drive_force"),
         moment: channel("drive_moment"),

@@ -176,7 +176,7 @@ fn tire(
     widths(axle, fit, session);
     for parameter in (1..4).filter(|parameter| !free[*parameter]) {
         let reason = if near_peak {
-            "prior only: the slip angles do not tell it from the other parameters".to_owned()
+            "prior only: the slip angles do not distinguish it from the other parameters".to_owned()
         } else {
             format!(
                 "prior only: slip angles up to {reach:.3} rad do not reach the tyre's peak (beyond {:.3} rad)",
