@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use wheelstate::estimator::hindsight::{Belief, Transition};
+use wheelstate::estimator::one_step::{Belief, Transition};
 use wheelstate_identify::log::Log;
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::run::{Assessment, Run, RunError, Sampling, Settings, assess, smooth_step};

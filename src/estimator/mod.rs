@@ -5,9 +5,9 @@
 //! restoring a state and repeating the inputs repeats the bytes.
 
 mod finite;
-pub mod hindsight;
 pub mod human_dynamics;
 pub mod nursing_robot;
+pub mod one_step;
 pub mod sampled;
 pub mod standstill;
 pub mod wheel_loader;
@@ -17,7 +17,7 @@ pub mod wheeled_robot;
 pub use sampled::{Diagnostics, Elapsed, Machine, Outcome, Rules, Sampled};
 
 use crate::{ParameterError, Status, Variables};
-use hindsight::{Belief, Hindsight, NO_STATES};
+use one_step::{Belief, NO_STATES, OneStepPrediction};
 use serde::{Serialize, de::DeserializeOwned};
 
 /// An online estimator of one machine. Hosts move it between threads.
@@ -89,7 +89,7 @@ pub trait Estimator: Clone + Send {
 
     /// What the filter expects of a sample that comes `dt` seconds after the last one, and how its belief leads there:
     /// called before [`step`](Self::step) with the same arguments, and changes nothing. By default nothing.
-    fn hindsight(&self, _inputs: &Self::Inputs, _dt: f64, into: &mut Hindsight) {
+    fn predict_one_step(&self, _inputs: &Self::Inputs, _dt: f64, into: &mut OneStepPrediction) {
         into.clear();
     }
 

@@ -18,7 +18,7 @@
 //! | a stored state with a number that is not finite | is refused and nothing changes |
 
 use super::finite::all_finite;
-use super::hindsight::{Belief, Hindsight, NO_STATES};
+use super::one_step::{Belief, NO_STATES, OneStepPrediction};
 use super::{Estimator, StateError};
 use crate::filter::nis_monitor::NisMonitor;
 use crate::{ParameterError, Status, Variables};
@@ -140,13 +140,13 @@ pub trait Machine: Clone + Send {
     fn estimates(&self, state: &Self::State, inputs: &Self::Inputs, horizon: f64, outputs: &mut Self::Outputs);
 
     /// What the filter expects of a sample, before it is taken, and how its belief leads there. By default nothing.
-    fn hindsight(
+    fn predict_one_step(
         &self,
         _state: &Self::State,
         _inputs: &Self::Inputs,
         _screened: Status,
         _elapsed: Elapsed,
-        _into: &mut Hindsight,
+        _into: &mut OneStepPrediction,
     ) {
     }
 
@@ -390,7 +390,7 @@ impl<M: Machine> Estimator for Sampled<M> {
         *outputs.as_mut() = Diagnostics { healthy, ..state.diagnostics };
     }
 
-    fn hindsight(&self, inputs: &M::Inputs, dt: f64, into: &mut Hindsight) {
+    fn predict_one_step(&self, inputs: &M::Inputs, dt: f64, into: &mut OneStepPrediction) {
         into.clear();
         let State { machine, started, last, .. } = &self.state;
         if *started && !(dt > 0.0 && dt.is_finite()) {
@@ -399,7 +399,7 @@ impl<M: Machine> Estimator for Sampled<M> {
         let mut screened = inputs.clone();
         let status = Self::screen(&self.channels, &mut screened, |slot, value| value.or(last[slot]));
         let elapsed = Elapsed::of(*started, dt, self.longest_gap);
-        self.machine.hindsight(machine, &screened, status, elapsed, into);
+        self.machine.predict_one_step(machine, &screened, status, elapsed, into);
     }
 
     fn belief(&self) -> Result<Belief, &'static str> {

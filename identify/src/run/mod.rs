@@ -25,7 +25,7 @@ use crate::log::{Channel, Log};
 use crate::progress::{Interrupted, Progress};
 use crate::replay::{Source, replay};
 use std::cell::RefCell;
-use wheelstate::estimator::hindsight::Hindsight;
+use wheelstate::estimator::one_step::OneStepPrediction;
 use wheelstate::variable::Kind;
 use wheelstate::{Estimator, ParameterError, Variable, Variables};
 
@@ -231,7 +231,7 @@ struct ChannelTrace {
 /// What is expected of the present sample.
 #[derive(Default)]
 struct Expectations {
-    hindsight: Hindsight,
+    prediction: OneStepPrediction,
     fresh: bool,
 }
 
@@ -241,7 +241,7 @@ impl Expectations {
             kept.states.push(estimator.state().clone());
         }
         kept.samples += 1;
-        estimator.hindsight(inputs, dt, &mut self.hindsight);
+        estimator.predict_one_step(inputs, dt, &mut self.prediction);
         self.fresh = true;
     }
 }
@@ -268,7 +268,7 @@ impl Columns {
         for (column, value) in self.outputs.iter_mut().zip(&self.flat) {
             column.values.push(*value);
         }
-        let expected = if expectations.fresh { expectations.hindsight.expected.as_slice() } else { &[] };
+        let expected = if expectations.fresh { expectations.prediction.expected.as_slice() } else { &[] };
         expectations.fresh = false;
         if self.channels.is_empty() && !expected.is_empty() {
             // Rows before the first sample have nothing.

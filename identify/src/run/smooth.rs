@@ -26,7 +26,7 @@ use crate::progress::Progress;
 use crate::replay::Source;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
-use wheelstate::estimator::hindsight::{Belief, Hindsight, Transition};
+use wheelstate::estimator::one_step::{Belief, OneStepPrediction, Transition};
 use wheelstate::variable::Kind;
 use wheelstate::{Estimator, Status, Variable, Variables};
 
@@ -42,7 +42,7 @@ const ROUNDING: f64 = 1e-6;
 ///
 /// ```
 /// use nalgebra::{DMatrix, DVector};
-/// use wheelstate::estimator::hindsight::{Belief, Transition};
+/// use wheelstate::estimator::one_step::{Belief, Transition};
 /// use wheelstate_identify::run::smooth_step;
 ///
 /// // a number that stays as it is: what is known of it later was as true before
@@ -185,17 +185,17 @@ impl<E: Estimator> Smoother<'_, E> {
     fn again(&self, estimator: &mut E, source: &Source, rows: Range<usize>) -> Vec<Sample<E::State>> {
         let mut inputs = E::Inputs::default();
         let mut flat = vec![0.0; E::Inputs::COUNT];
-        let mut hindsight = Hindsight::default();
+        let mut prediction = OneStepPrediction::default();
         let time = &self.log.time;
         let sample = |k: usize| {
             source.row(k, &mut flat);
             inputs.read(&flat);
             let dt = if k == 0 { estimator.sample_period() } else { time[k] - time[k - 1] };
-            estimator.hindsight(&inputs, dt, &mut hindsight);
+            estimator.predict_one_step(&inputs, dt, &mut prediction);
             estimator.step(&inputs, dt);
             let filtered =
                 estimator.belief().unwrap_or(Belief { mean: DVector::zeros(0), covariance: DMatrix::zeros(0, 0) });
-            Sample { state: estimator.state().clone(), filtered, transition: hindsight.transition.take() }
+            Sample { state: estimator.state().clone(), filtered, transition: prediction.transition.take() }
         };
         rows.map(sample).collect()
     }

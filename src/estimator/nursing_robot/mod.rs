@@ -95,7 +95,7 @@ pub use parameters::*;
 pub use status::{MassStatus, SwayStatus};
 pub use variables::{Inputs, Outputs};
 
-use crate::estimator::hindsight::{Belief, Hindsight};
+use crate::estimator::one_step::{Belief, OneStepPrediction};
 use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::innovation::Innovation;
 use crate::variable::Estimate;
@@ -328,7 +328,14 @@ impl Machine for NursingMachine {
         self.report_centre_of_gravity(out);
     }
 
-    fn hindsight(&self, state: &State, inputs: &Inputs, _: Status, elapsed: Elapsed, into: &mut Hindsight) {
+    fn predict_one_step(
+        &self,
+        state: &State,
+        inputs: &Inputs,
+        _: Status,
+        elapsed: Elapsed,
+        into: &mut OneStepPrediction,
+    ) {
         let mut after = state.clone();
         let dt = elapsed.seconds();
         self.watch_speed(&mut after, inputs.speed, dt);
@@ -339,7 +346,7 @@ impl Machine for NursingMachine {
                 self.mass.step(&mut after.mass, &measured, dt);
                 let channels = [inputs.speed, inputs.tilt, inputs.tilt_rate];
                 let sample = SwaySample { force, yaw_rate: inputs.yaw_rate, channels };
-                filter.look_back(sway, &sample, after.mass.rls.estimate, dt, into);
+                filter.predict_one_step(sway, &sample, after.mass.rls.estimate, dt, into);
             }
             // The filter begins at this sample, or is off.
             _ => into.nothing_expected(&SwayEstimator::CHANNELS),

@@ -86,8 +86,8 @@ mod bend;
 mod coordinates;
 mod evidence;
 mod filter;
-mod hindsight;
 mod noise;
+mod one_step;
 mod parameters;
 mod prediction;
 mod report;
@@ -100,7 +100,7 @@ pub use belief::Belief;
 pub use parameters::*;
 pub use variables::{Inputs, Outputs};
 
-use super::hindsight::{Belief as Smoothed, Hindsight};
+use super::one_step::{Belief as Smoothed, OneStepPrediction};
 use super::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::model::wheel_loader::{Drive, Motion, Steering};
 use crate::{ParameterError, Status};
@@ -320,8 +320,15 @@ impl Machine for LoaderMachine {
         self.report(state, inputs, horizon, outputs);
     }
 
-    fn hindsight(&self, state: &State, inputs: &Inputs, screened: Status, elapsed: Elapsed, into: &mut Hindsight) {
-        self.look_back(state, inputs, screened, elapsed, into);
+    fn predict_one_step(
+        &self,
+        state: &State,
+        inputs: &Inputs,
+        screened: Status,
+        elapsed: Elapsed,
+        into: &mut OneStepPrediction,
+    ) {
+        self.predict_one_step(state, inputs, screened, elapsed, into);
     }
 
     fn belief(&self, state: &State) -> Result<Smoothed, &'static str> {

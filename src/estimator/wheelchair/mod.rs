@@ -86,7 +86,7 @@ mod belief;
 mod contour;
 pub mod ekf;
 mod forms;
-mod hindsight;
+mod one_step;
 mod outliers;
 mod parameters;
 mod report;
@@ -106,7 +106,7 @@ pub use variables::{Inputs, Outputs};
 pub use vibration::Vibration;
 pub use watch::Watch;
 
-use crate::estimator::hindsight::{Belief, Hindsight};
+use crate::estimator::one_step::{Belief, OneStepPrediction};
 use crate::estimator::standstill::Standstill;
 use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::ekf::NotPositiveDefinite;
@@ -389,12 +389,19 @@ impl Machine for ChairMachine {
         self.report(state, inputs, horizon, outputs);
     }
 
-    fn hindsight(&self, state: &State, inputs: &Inputs, _: Status, elapsed: Elapsed, into: &mut Hindsight) {
-        self.look_back(state, inputs, elapsed, into);
+    fn predict_one_step(
+        &self,
+        state: &State,
+        inputs: &Inputs,
+        _: Status,
+        elapsed: Elapsed,
+        into: &mut OneStepPrediction,
+    ) {
+        self.predict_one_step(state, inputs, elapsed, into);
     }
 
     fn belief(&self, state: &State) -> Result<Belief, &'static str> {
-        Ok(hindsight::of(&state.belief))
+        Ok(one_step::of(&state.belief))
     }
 
     fn believe(&self, state: &mut State, belief: &Belief) {

@@ -73,9 +73,9 @@
 mod agreement;
 mod constants;
 mod forces;
-mod hindsight;
 mod integration;
 mod motion;
+mod one_step;
 mod parameters;
 mod report;
 mod speed_knowledge;
@@ -91,7 +91,7 @@ pub use parameters::{
 };
 pub use variables::{Inputs, Outputs};
 
-use super::hindsight::{Belief, Hindsight};
+use super::one_step::{Belief, OneStepPrediction};
 use super::standstill::Standstill;
 use super::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::bounded;
@@ -421,8 +421,15 @@ impl Machine for RobotMachine {
         self.report(state, inputs.steering_angle, horizon, outputs);
     }
 
-    fn hindsight(&self, state: &State, inputs: &Inputs, _: Status, elapsed: Elapsed, into: &mut Hindsight) {
-        self.look_back(state, inputs, elapsed, into);
+    fn predict_one_step(
+        &self,
+        state: &State,
+        inputs: &Inputs,
+        _: Status,
+        elapsed: Elapsed,
+        into: &mut OneStepPrediction,
+    ) {
+        self.predict_one_step(state, inputs, elapsed, into);
     }
 
     fn belief(&self, _: &State) -> Result<Belief, &'static str> {

@@ -12,8 +12,8 @@
 //! shows the body or the model is asked for by name.
 
 mod filter;
-mod hindsight;
 mod motion;
+mod one_step;
 mod readout;
 mod state;
 

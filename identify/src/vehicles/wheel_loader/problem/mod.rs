@@ -21,7 +21,7 @@
 //! (`--sensor speed.delay_std`), which a delay that the log shows to be larger widens, and the radii as given with the
 //! gain's standard deviation. Where that shows a delay, it is the answer. Where it shows none, the answer is that without a
 //! delay and with the radii of stage 0, which is more accurate if there is none, but its standard errors hold any delay
-//! that would not have shown. Where it does not tell the delay, delay and gain are considered as for any other sensor.
+//! that would not have shown. Where it does not determine the delay, delay and gain are considered as for any other sensor.
 
 mod sample;
 
@@ -70,8 +70,8 @@ const SHARED: usize = 5;
 const FIXED: f64 = 1e-7;
 /// Given radii are kept if the log moves none of them by more than so many standard errors.
 const KEEP: f64 = 2.0;
-/// Largest standard error of a delay that the log tells, as a share of what is known beforehand.
-const TOLD: f64 = 0.5;
+/// Largest standard error of a delay that the log determines, as a share of what is known beforehand.
+const DETERMINED: f64 = 0.5;
 /// Standard errors from which on a log shows a delay.
 const SHOWS: f64 = 1.5;
 /// Relative standard error beyond which an unknown counts as unobservable.
@@ -163,7 +163,7 @@ struct Open {
     shown: bool,
 }
 
-/// Stage 2 with delay and gain of the speed open; none if the logs do not tell the delay.
+/// Stage 2 with delay and gain of the speed open; none if the logs do not determine the delay.
 fn with_delay(
     task: &Task,
     stage: &Slip,
@@ -180,12 +180,12 @@ fn with_delay(
     let radii = Radii { given, std: [0, 1].map(|axle| radius_std(axle).hypot(sensor.gain).max(FIXED)) };
     let Some(fit) = stage.fit(&mut machine, &radii, None, session)? else { return Ok(None) };
     let (solution, late) = (session.solution(fit), &machine.late);
-    let told = solution.std(0) < UNOBSERVABLE * solution.theta[0]
-        && (0..late.len()).all(|index| solution.std(SHARED + index) < TOLD * sensor.delay * solution.theta[0]);
+    let determined = solution.std(0) < UNOBSERVABLE * solution.theta[0]
+        && (0..late.len()).all(|index| solution.std(SHARED + index) < DETERMINED * sensor.delay * solution.theta[0]);
     let std = |index: usize| solution.std(SHARED + index) / solution.theta[0];
     let shown = (0..late.len()).any(|index| late[index].abs() > SHOWS * std(index));
     let about: Vec<f64> = late.iter().zip(&solution.theta[SHARED..]).map(|(l, x)| l - x / solution.theta[0]).collect();
-    if !session.decide("the delay of the speed is told", told) {
+    if !session.decide("the delay of the speed is determined", determined) {
         return Ok(None);
     }
     for (index, log) in task.logs.iter().enumerate() {

@@ -6,7 +6,7 @@ use super::vibration::{LARGEST, LARGEST_DRIVEN};
 use super::{ChairBelief, ChairMachine, Inputs, State, Watch};
 use crate::Status;
 use crate::estimator::Elapsed;
-use crate::estimator::hindsight::{Belief, Expectation, Hindsight, Transition, dynamic};
+use crate::estimator::one_step::{Belief, OneStepPrediction, PredictedMeasurement, Transition, dynamic};
 use crate::filter::discretise::{runge_kutta_from, substeps, transition};
 use crate::filter::gaussian::Gaussian;
 use crate::model::wheelchair::Command;
@@ -23,8 +23,14 @@ const CHANNELS: [(&str, &str); 6] = [
 ];
 
 impl ChairMachine {
-    /// See [`Machine::hindsight`](crate::estimator::Machine::hindsight).
-    pub(super) fn look_back(&self, before: &State, inputs: &Inputs, elapsed: Elapsed, into: &mut Hindsight) {
+    /// See [`Machine::predict_one_step`](crate::estimator::Machine::predict_one_step).
+    pub(super) fn predict_one_step(
+        &self,
+        before: &State,
+        inputs: &Inputs,
+        elapsed: Elapsed,
+        into: &mut OneStepPrediction,
+    ) {
         let mut state = before.clone();
         let dt = elapsed.seconds();
         let sample = self.read(&mut state, inputs, dt, &mut Status::default());
@@ -101,7 +107,7 @@ impl<F> ChairEkf<F> {
         (watch, dt): (&mut Watch, f64),
         sample: &Sample,
         drive: &Drive,
-        into: &mut Hindsight,
+        into: &mut OneStepPrediction,
     ) where
         F: Form<N, K, P>,
     {
@@ -112,7 +118,7 @@ impl<F> ChairEkf<F> {
             let gradient = SVector::<f64, N>::from_fn(|i, _| rows.jacobian[(row, i)]);
             let variance = belief.variance_along(&gradient) + rows.noise[(row, row)];
             let measured = if rows.used[row] { sample.values[row] } else { f64::NAN };
-            into.expected.push(Expectation::new(channel, unit, measured, rows.innovation[row], variance));
+            into.expected.push(PredictedMeasurement::new(channel, unit, measured, rows.innovation[row], variance));
         }
     }
 }

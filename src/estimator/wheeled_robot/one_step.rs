@@ -2,7 +2,7 @@
 
 use super::{Inputs, Measured, RobotMachine, State};
 use crate::estimator::Elapsed;
-use crate::estimator::hindsight::{Expectation, Hindsight};
+use crate::estimator::one_step::{OneStepPrediction, PredictedMeasurement};
 use crate::model::wheeled_robot::{Motion, specific_force_at};
 use nalgebra::Vector3;
 
@@ -10,9 +10,15 @@ use nalgebra::Vector3;
 const CHANNELS: [(&str, &str); 4] = [("accel_x", "m/s2"), ("accel_y", "m/s2"), ("gyro_z", "rad/s"), ("speed", "m/s")];
 
 impl RobotMachine {
-    /// See [`Machine::hindsight`](crate::estimator::Machine::hindsight): the cubature points of the predicted belief
+    /// See [`Machine::predict_one_step`](crate::estimator::Machine::predict_one_step): the cubature points of the predicted belief
     /// through the measurement equation, with the constants' errors and the noise ([`crate::filter::srckf`]).
-    pub(super) fn look_back(&self, before: &State, inputs: &Inputs, elapsed: Elapsed, into: &mut Hindsight) {
+    pub(super) fn predict_one_step(
+        &self,
+        before: &State,
+        inputs: &Inputs,
+        elapsed: Elapsed,
+        into: &mut OneStepPrediction,
+    ) {
         let mut state = before.clone();
         let Measured { slopes, reference, driven, z, noise, .. } = self.measure(&mut state, inputs, elapsed);
         let imu = &self.parameters.imu;
@@ -29,7 +35,7 @@ impl RobotMachine {
             let expected = seen.iter().map(|point| point[row]).sum::<f64>() / 6.0;
             let spread = seen.iter().map(|point| (point[row] - expected).powi(2)).sum::<f64>() / 6.0;
             let variance = spread + shown.row(row).norm_squared() + noise[row] * noise[row];
-            into.expected.push(Expectation::new(channel, unit, z[row], z[row] - expected, variance));
+            into.expected.push(PredictedMeasurement::new(channel, unit, z[row], z[row] - expected, variance));
         }
     }
 }

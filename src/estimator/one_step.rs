@@ -1,5 +1,5 @@
-//! What a filter expected of a sample, and how its belief leads from one sample to the next: for reports, and for
-//! smoothing once a ride is over.
+//! The prediction of a sample from the one before, by a filter: the measured channels with the standard deviations of
+//! their innovations, and the transition of the state, for reports and for smoothing once a ride is over.
 //!
 //! Both are worked out anew from the state before the sample, by the functions that the sample itself uses, so that no
 //! step pays for them. They may allocate.
@@ -13,7 +13,7 @@ pub(super) const NO_STATES: &str = "each of its estimates is of one instant, and
 
 /// A measured channel before its sample is used.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Expectation {
+pub struct PredictedMeasurement {
     /// What is measured: an input, or what the filter makes of several.
     pub channel: &'static str,
     /// Its unit.
@@ -26,7 +26,7 @@ pub struct Expectation {
     pub std: f64,
 }
 
-impl Expectation {
+impl PredictedMeasurement {
     /// A channel with its innovation and the innovation's variance; without a sample the innovation is not finite.
     pub fn new(channel: &'static str, unit: &'static str, measured: f64, innovation: f64, variance: f64) -> Self {
         if !(measured.is_finite() && innovation.is_finite()) {
@@ -89,17 +89,17 @@ pub struct Transition {
     pub cross: DMatrix<f64>,
 }
 
-/// What can be said of a sample before it is used.
+/// The prediction of a sample, before it is used.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Hindsight {
+pub struct OneStepPrediction {
     /// The channels, always the same ones in the same order.
-    pub expected: Vec<Expectation>,
+    pub expected: Vec<PredictedMeasurement>,
     /// How the belief leads to the sample; nothing where the filter makes a new start, or where what it does is no
     /// conditioning of its states, so that nothing that comes later may be carried back.
     pub transition: Option<Transition>,
 }
 
-impl Hindsight {
+impl OneStepPrediction {
     /// Nothing.
     pub fn clear(&mut self) {
         self.expected.clear();
@@ -109,7 +109,7 @@ impl Hindsight {
     /// Channels, by name and unit, of which nothing is expected.
     pub(super) fn nothing_expected(&mut self, channels: &[(&'static str, &'static str)]) {
         let nothing = |(channel, unit): &(&'static str, &'static str)| {
-            Expectation::new(channel, unit, f64::NAN, f64::NAN, f64::NAN)
+            PredictedMeasurement::new(channel, unit, f64::NAN, f64::NAN, f64::NAN)
         };
         self.expected.extend(channels.iter().map(nothing));
     }

@@ -7,7 +7,7 @@ use super::supervision::Mode;
 use super::{Inputs, LoaderMachine, State, drive, mean};
 use crate::Status;
 use crate::estimator::Elapsed;
-use crate::estimator::hindsight::{Belief, Expectation, Hindsight, Transition, dynamic};
+use crate::estimator::one_step::{Belief, OneStepPrediction, PredictedMeasurement, Transition, dynamic};
 use crate::filter::gaussian::FactoredGaussian;
 use crate::filter::square_root::{block, set_block};
 use crate::model::wheel_loader::Drive;
@@ -22,14 +22,14 @@ fn motion_and_unknowns(belief: &Motions) -> FactoredGaussian<6> {
 }
 
 impl LoaderMachine {
-    /// See [`Machine::hindsight`](crate::estimator::Machine::hindsight).
-    pub(super) fn look_back(
+    /// See [`Machine::predict_one_step`](crate::estimator::Machine::predict_one_step).
+    pub(super) fn predict_one_step(
         &self,
         before: &State,
         inputs: &Inputs,
         screened: Status,
         elapsed: Elapsed,
-        into: &mut Hindsight,
+        into: &mut OneStepPrediction,
     ) {
         let mut state = before.clone();
         let mut y = Vector3::new(inputs.speed, inputs.wheel_speed_front, inputs.wheel_speed_rear);
@@ -87,7 +87,7 @@ impl LoaderFilter {
         drive: &Drive,
         (y, path_std): (&Vector3<f64>, f64),
         dt: f64,
-        into: &mut Hindsight,
+        into: &mut OneStepPrediction,
     ) {
         let cross = (mode == Mode::Active).then(|| self.prediction.cross_covariance(&belief, &self.map, drive, dt));
         match mode {
@@ -101,7 +101,7 @@ impl LoaderFilter {
         let noise = self.noise.follow(&belief, (y, path_std), dt, &mut channels.roughness);
         for (i, (channel, unit)) in CHANNELS.into_iter().enumerate() {
             let variance = belief.std(i).powi(2) + noise.level[i] * noise.level[i];
-            into.expected.push(Expectation::new(channel, unit, y[i], y[i] - belief.mean[i], variance));
+            into.expected.push(PredictedMeasurement::new(channel, unit, y[i], y[i] - belief.mean[i], variance));
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::motion::Step;
 use super::{SwayBelief, SwayEstimator, SwaySample, SwayState};
-use crate::estimator::hindsight::{Belief, Expectation, Hindsight, Transition, dynamic};
+use crate::estimator::one_step::{Belief, OneStepPrediction, PredictedMeasurement, Transition, dynamic};
 use crate::filter::gaussian::Gaussian;
 use crate::filter::sigma_points::robust_cholesky;
 use crate::filter::ukf;
@@ -13,7 +13,14 @@ impl SwayEstimator {
     pub const CHANNELS: [(&'static str, &'static str); 3] = [("speed", "m/s"), ("tilt", "rad"), ("tilt_rate", "rad/s")];
 
     /// What is expected of the sample that comes `dt` seconds after the last one, with `mass` kg of load.
-    pub fn look_back(&self, before: &SwayState, sample: &SwaySample, mass: f64, dt: f64, into: &mut Hindsight) {
+    pub fn predict_one_step(
+        &self,
+        before: &SwayState,
+        sample: &SwaySample,
+        mass: f64,
+        dt: f64,
+        into: &mut OneStepPrediction,
+    ) {
         let mut state = *before;
         let step = self.begin(&mut state, sample, mass, dt);
         match state.belief {
@@ -29,7 +36,7 @@ impl SwayEstimator {
         mut belief: Gaussian<N>,
         step: &Step,
         mut z: [f64; 3],
-        into: &mut Hindsight,
+        into: &mut OneStepPrediction,
     ) {
         if step.held {
             belief.mean[0] = 0.0;
@@ -50,7 +57,7 @@ impl SwayEstimator {
             let index = if i < N { i } else { 0 };
             let sample = if self.use_channel[i] { z[i] } else { f64::NAN };
             let variance = belief.covariance[(index, index)] + noise.variance[i];
-            into.expected.push(Expectation::new(channel, unit, sample, sample - belief.mean[index], variance));
+            into.expected.push(PredictedMeasurement::new(channel, unit, sample, sample - belief.mean[index], variance));
         }
     }
 
