@@ -1,11 +1,12 @@
 //! A load that changes, at a stop or while driving: until it has been weighed its standard deviation says so.
 
+use super::model::person;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::f64::consts::{PI, TAU};
 use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Outputs, Parameters};
-use wheelstate::plant::nursing_robot::{Chassis, Command, NursingRobotPlant, Person};
+use wheelstate::plant::nursing_robot::{Chassis, Command, NursingRobotPlant};
 use wheelstate::{Estimator, Status};
 
 /// 5 km/h.
@@ -70,16 +71,7 @@ fn drive(kind: &Drive, seed: u64) -> Found {
         torque_limit: 21.0,
         motor_lag: 0.01,
     };
-    let person = Person {
-        mass: human.nominal_mass,
-        swaying: human.swaying_fraction,
-        height: human.com_height,
-        gyration: human.gyration_radius,
-        stiffness: [human.stiffness_roll, human.stiffness_pitch],
-        damping: [human.damping_roll, human.damping_pitch],
-        rest: [0.0; 2],
-    };
-    let mut plant = NursingRobotPlant::new(chassis, person);
+    let mut plant = NursingRobotPlant::new(chassis, person(human, human.nominal_mass));
     plant.motion.drive[0] = kind.start;
     let mut estimator = NursingRobot::new(&p).unwrap();
     let mut out = Outputs::default();

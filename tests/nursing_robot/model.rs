@@ -28,7 +28,12 @@ pub fn plant() -> NursingRobotPlant {
         torque_limit: 21.0,
         motor_lag: 0.0,
     };
-    let person = Person {
+    NursingRobotPlant::new(chassis, person(&human, mass))
+}
+
+/// The plant's person of `mass` kg, whose relaxed posture is upright.
+pub fn person(human: &Human, mass: f64) -> Person {
+    Person {
         mass,
         swaying: human.swaying_fraction,
         height: human.com_height,
@@ -36,8 +41,7 @@ pub fn plant() -> NursingRobotPlant {
         stiffness: [human.stiffness_roll, human.stiffness_pitch],
         damping: [human.damping_roll, human.damping_pitch],
         rest: [0.0; 2],
-    };
-    NursingRobotPlant::new(chassis, person)
+    }
 }
 
 /// A random motion as in the energy check of the specification.
