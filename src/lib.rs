@@ -63,7 +63,8 @@
 //! - **Kernels are compiled for AVX as well**, which a processor that has it uses (`multiversion`). The results are the same
 //!   to the last bit everywhere: each number comes from the same operations in the same order, none of them fused.
 //! - **Square roots instead of covariances** for loader and robot: factors cannot lose definiteness.
-//! - **`f64` only, `unsafe` forbidden** here; the only unsafe code is the FMU's C boundary.
+//! - **`f64` only, no `unsafe` written** here (`multiversion` writes the choice of a kernel); the FMU's C boundary has the
+//!   only unsafe code of ours.
 //!
 //! # Conventions
 //!

@@ -101,6 +101,7 @@ pub fn main(
     }
 }
 
+// As `usage` and `print` of the other package's commands, which this one does not import.
 /// What is wrong with the command line, in one line: the first paragraph of the parser's text.
 fn usage(text: &str) -> String {
     let lines = text.lines().map(str::trim).take_while(|line| !line.is_empty());
