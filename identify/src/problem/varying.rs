@@ -83,111 +83,199 @@ fn line(columns: &[Vec<f64>], values: &[f64], errors: &[f64]) -> Line {
 /// The shared parameters of the logs' answers, those of `free` being each log's own, those of `varying` a law and a
 /// scatter. None if a log lacks an answer to one of them.
 pub fn together(logs: &[&Findings], free: &BTreeSet<String>, varying: &[Varying]) -> Option<Together> {
-    let first = logs.first()?;
-    let shared = |found: &&Found| !free.contains(&found.name) && found.spread > 0.0;
-    let names: Vec<&str> = first.found.iter().filter(shared).map(|found| found.name.as_str()).collect();
-    let n = names.len();
-    // Columns of the design: which parameter, and its value in each log.
-    let mut columns: Vec<(usize, Vec<f64>)> = (0..n).map(|k| (k, vec![1.0; logs.len()])).collect();
-    let mut references = Vec::new();
-    for vary in varying {
-        let k = names.iter().position(|name| *name == vary.name)?;
-        let (channel, reference) = match &vary.follows {
-            Some((channel, means)) => {
-                let reference = means.iter().sum::<f64>() / means.len() as f64;
-                columns.push((k, means.iter().map(|mean| mean - reference).collect()));
-                (channel.clone(), reference)
-            }
-            None => (String::new(), f64::NAN),
-        };
-        references.push((k, channel, reference));
-    }
-    let answers = |name: &str| -> Option<Vec<&Found>> { logs.iter().map(|log| log.get(name)).collect() };
-    let all: Vec<Vec<&Found>> = names.iter().map(|name| answers(name)).collect::<Option<_>>()?;
-    let mut scatter = DMatrix::<f64>::zeros(n, n);
-    let mut lines = Vec::new();
-    for (k, ..) in &references {
-        let own: Vec<Vec<f64>> = columns.iter().filter(|(of, _)| of == k).map(|(_, column)| column.clone()).collect();
-        let values: Vec<f64> = all[*k].iter().map(|found| found.value).collect();
-        let errors: Vec<f64> = all[*k].iter().map(|found| found.own_error()).collect();
-        let line = line(&own, &values, &errors);
-        scatter[(*k, *k)] = line.scatter.powi(2);
-        lines.push(line);
-    }
-    // Errors of a log's answers: by noise together, by bias and colour each.
-    let place = |log: &Findings, name: &str| log.found.iter().position(|found| found.name == name);
-    let covariance = |log: &Findings, a: &str, b: &str| -> Option<f64> {
-        let (i, j) = (place(log, a)?, place(log, b)?);
-        let own = if i == j { log.found[i].own_error().powi(2) - log.found[i].spread.powi(2) } else { 0.0 };
-        Some(log.covariance[(i, j)] + own)
-    };
-    let p = columns.len();
-    let (mut information, mut side) = (DMatrix::<f64>::zeros(p, p), DVector::<f64>::zeros(p));
-    let mut parts = Vec::new();
-    for (l, log) in logs.iter().enumerate() {
-        let mut errors = DMatrix::zeros(n, n);
-        for (i, a) in names.iter().enumerate() {
-            for (j, b) in names.iter().enumerate() {
-                errors[(i, j)] = covariance(log, a, b)?;
-            }
+    let design = Design::new(logs, free, varying)?;
+    let lines: Vec<Line> = design.laws.iter().map(|law| design.line(law.parameter)).collect();
+    let squares = GeneralisedLeastSquares::new(logs, &design, &lines)?;
+    let findings = findings(logs, &design, &squares)?;
+    let own =
+        logs.iter().zip(&squares.parts).map(|(log, part)| own_values(log, free, &design, &squares, part)).collect();
+    let laws = laws(&design, &squares, &lines);
+    findings.found.iter().all(|found| found.value.is_finite()).then_some(Together { findings, laws, own })
+}
+
+/// What a varying parameter follows.
+struct Follows {
+    /// Number of the parameter.
+    parameter: usize,
+    /// The channel; empty if it follows none.
+    channel: String,
+    /// The channel's mean over all logs.
+    reference: f64,
+}
+
+/// The columns of `X` and the answers to be explained.
+struct Design<'a> {
+    /// The shared parameters.
+    names: Vec<&'a str>,
+    /// Number of the parameter to which a column belongs, and the column's value in each log.
+    columns: Vec<(usize, Vec<f64>)>,
+    laws: Vec<Follows>,
+    /// Of each parameter the answer of each log.
+    answers: Vec<Vec<&'a Found>>,
+}
+
+impl<'a> Design<'a> {
+    fn new(logs: &[&'a Findings], free: &BTreeSet<String>, varying: &[Varying]) -> Option<Self> {
+        let shared = |found: &&Found| !free.contains(&found.name) && found.spread > 0.0;
+        let names: Vec<&str> = logs.first()?.found.iter().filter(shared).map(|found| found.name.as_str()).collect();
+        let mut columns: Vec<_> = (0..names.len()).map(|k| (k, vec![1.0; logs.len()])).collect();
+        let mut laws = Vec::new();
+        for vary in varying {
+            let parameter = names.iter().position(|name| *name == vary.name)?;
+            let (channel, reference) = match &vary.follows {
+                Some((channel, means)) => {
+                    let reference = means.iter().sum::<f64>() / means.len() as f64;
+                    columns.push((parameter, means.iter().map(|mean| mean - reference).collect()));
+                    (channel.clone(), reference)
+                }
+                None => (String::new(), f64::NAN),
+            };
+            laws.push(Follows { parameter, channel, reference });
         }
-        let mut design = DMatrix::<f64>::zeros(n, p);
-        columns.iter().enumerate().for_each(|(column, (k, values))| design[(*k, column)] = values[l]);
-        let answer = DVector::from_iterator(n, all.iter().map(|found| found[l].value));
-        let weight = inverse(&(&errors + &scatter));
-        information += design.transpose() * &weight * &design;
-        side += design.transpose() * &weight * &answer;
-        parts.push((errors, design, answer, weight));
+        let answers = |name: &&str| -> Option<Vec<&'a Found>> { logs.iter().map(|log| log.get(name)).collect() };
+        let answers = names.iter().map(answers).collect::<Option<_>>()?;
+        Some(Self { names, columns, laws, answers })
     }
-    let of_beta = inverse(&information);
-    let beta = &of_beta * side;
-    let few = student((logs.len() as f64 - p as f64 / n.max(1) as f64).max(1.0));
-    let own = logs.iter().zip(&parts).map(|(log, (errors, design, answer, weight))| {
-        let gain = &scatter * weight;
-        let law = design * &beta;
-        let shared = &law + &gain * (answer - &law);
-        let rest = DMatrix::identity(n, n) - &gain;
-        let of_law = design * &of_beta * design.transpose();
-        let of_shared = &scatter - &gain * &scatter + &rest * of_law * rest.transpose();
-        let mut all: Vec<(String, f64, f64)> = references
-            .iter()
-            .map(|(k, ..)| (names[*k].to_owned(), shared[*k], of_shared[(*k, *k)].max(0.0).sqrt()))
-            .collect();
-        for name in free {
-            let Some(found) = log.get(name) else { continue };
-            let with = names.iter().map(|other| covariance(log, name, other).unwrap_or(0.0));
-            let slope = (inverse(errors) * DVector::from_iterator(n, with.clone())).transpose();
-            let value = found.value + (&slope * (&shared - answer))[0];
-            let told = (&slope * DVector::from_iterator(n, with))[0];
-            let variance = found.own_error().powi(2) - told + (&slope * &of_shared * slope.transpose())[0];
-            all.push((name.clone(), value, variance.max(0.0).sqrt()));
+
+    /// The line through the answers to one parameter.
+    fn line(&self, parameter: usize) -> Line {
+        let own: Vec<Vec<f64>> =
+            self.columns.iter().filter(|(of, _)| *of == parameter).map(|(_, column)| column.clone()).collect();
+        let values: Vec<f64> = self.answers[parameter].iter().map(|found| found.value).collect();
+        let errors: Vec<f64> = self.answers[parameter].iter().map(|found| found.own_error()).collect();
+        line(&own, &values, &errors)
+    }
+}
+
+/// Covariance of the errors of a log's answers to two parameters: by noise together, by bias and colour each.
+fn covariance(log: &Findings, a: &str, b: &str) -> Option<f64> {
+    let place = |name: &str| log.found.iter().position(|found| found.name == name);
+    let (i, j) = (place(a)?, place(b)?);
+    let own = if i == j { log.found[i].own_error().powi(2) - log.found[i].spread.powi(2) } else { 0.0 };
+    Some(log.covariance[(i, j)] + own)
+}
+
+/// One log in the generalised least squares.
+struct Part {
+    /// `C_l`
+    errors: DMatrix<f64>,
+    /// `X_l`
+    design: DMatrix<f64>,
+    /// `theta_l`
+    answer: DVector<f64>,
+    /// `(C_l + T)^-1`
+    weight: DMatrix<f64>,
+}
+
+/// `beta` with the covariance of its errors.
+struct GeneralisedLeastSquares {
+    /// `T`
+    scatter: DMatrix<f64>,
+    parts: Vec<Part>,
+    beta: DVector<f64>,
+    of_beta: DMatrix<f64>,
+    /// By how much the standard errors of few logs are larger than those of many.
+    few: f64,
+}
+
+impl GeneralisedLeastSquares {
+    fn new(logs: &[&Findings], design: &Design, lines: &[Line]) -> Option<Self> {
+        let (n, p) = (design.names.len(), design.columns.len());
+        let mut scatter = DMatrix::<f64>::zeros(n, n);
+        for (law, line) in design.laws.iter().zip(lines) {
+            scatter[(law.parameter, law.parameter)] = line.scatter.powi(2);
         }
-        all
+        let (mut information, mut side) = (DMatrix::<f64>::zeros(p, p), DVector::<f64>::zeros(p));
+        let mut parts = Vec::new();
+        for (l, log) in logs.iter().enumerate() {
+            let mut errors = DMatrix::zeros(n, n);
+            for (i, a) in design.names.iter().enumerate() {
+                for (j, b) in design.names.iter().enumerate() {
+                    errors[(i, j)] = covariance(log, a, b)?;
+                }
+            }
+            let mut of_log = DMatrix::<f64>::zeros(n, p);
+            design.columns.iter().enumerate().for_each(|(column, (k, values))| of_log[(*k, column)] = values[l]);
+            let answer = DVector::from_iterator(n, design.answers.iter().map(|found| found[l].value));
+            let weight = inverse(&(&errors + &scatter));
+            information += of_log.transpose() * &weight * &of_log;
+            side += of_log.transpose() * &weight * &answer;
+            parts.push(Part { errors, design: of_log, answer, weight });
+        }
+        let of_beta = inverse(&information);
+        let beta = &of_beta * side;
+        let few = student((logs.len() as f64 - p as f64 / n.max(1) as f64).max(1.0));
+        Some(Self { scatter, parts, beta, of_beta, few })
+    }
+
+    /// Standard error of an element of `beta`.
+    fn std_error(&self, index: usize) -> f64 {
+        self.few * self.of_beta[(index, index)].max(0.0).sqrt()
+    }
+}
+
+/// Value and standard error of what a log has of its own: the varying parameters by their best linear prediction, and
+/// what it has alone.
+fn own_values(
+    log: &Findings,
+    free: &BTreeSet<String>,
+    design: &Design,
+    squares: &GeneralisedLeastSquares,
+    part: &Part,
+) -> Vec<(String, f64, f64)> {
+    let (n, scatter) = (design.names.len(), &squares.scatter);
+    let gain = scatter * &part.weight;
+    let law = &part.design * &squares.beta;
+    let shared = &law + &gain * (&part.answer - &law);
+    let rest = DMatrix::identity(n, n) - &gain;
+    let of_law = &part.design * &squares.of_beta * part.design.transpose();
+    let of_shared = scatter - &gain * scatter + &rest * of_law * rest.transpose();
+    let varying = design.laws.iter().map(|law| {
+        let k = law.parameter;
+        (design.names[k].to_owned(), shared[k], of_shared[(k, k)].max(0.0).sqrt())
     });
-    let own = own.collect();
-    let laws = references.iter().zip(&lines).map(|((k, channel, reference), line)| {
-        let slope = columns.iter().skip(n).position(|(of, _)| of == k).map(|place| n + place);
+    let mut own: Vec<_> = varying.collect();
+    for name in free {
+        let Some(found) = log.get(name) else { continue };
+        let with = design.names.iter().map(|other| covariance(log, name, other).unwrap_or(0.0));
+        let slope = (inverse(&part.errors) * DVector::from_iterator(n, with.clone())).transpose();
+        let value = found.value + (&slope * (&shared - &part.answer))[0];
+        let explained = (&slope * DVector::from_iterator(n, with))[0];
+        let variance = found.own_error().powi(2) - explained + (&slope * &of_shared * slope.transpose())[0];
+        own.push((name.clone(), value, variance.max(0.0).sqrt()));
+    }
+    own
+}
+
+fn laws(design: &Design, squares: &GeneralisedLeastSquares, lines: &[Line]) -> Vec<Law> {
+    let n = design.names.len();
+    let law = |(law, line): (&Follows, &Line)| {
+        let slope = design.columns.iter().skip(n).position(|(of, _)| *of == law.parameter).map(|place| n + place);
         Law {
-            parameter: names[*k].to_owned(),
-            channel: channel.clone(),
-            reference: *reference,
-            slope: slope.map_or(f64::NAN, |place| beta[place]),
-            slope_std_error: slope.map_or(f64::NAN, |place| few * of_beta[(place, place)].max(0.0).sqrt()),
+            parameter: design.names[law.parameter].to_owned(),
+            channel: law.channel.clone(),
+            reference: law.reference,
+            slope: slope.map_or(f64::NAN, |place| squares.beta[place]),
+            slope_std_error: slope.map_or(f64::NAN, |place| squares.std_error(place)),
             scatter: line.scatter,
             disagreement: line.reduced,
         }
-    });
-    let laws = laws.collect();
-    let found = names.iter().enumerate().map(|(k, name)| {
-        let (first, all) = (first.get(name)?, &all[k]);
+    };
+    design.laws.iter().zip(lines).map(law).collect()
+}
+
+/// The shared parameters as findings of all logs.
+fn findings(logs: &[&Findings], design: &Design, squares: &GeneralisedLeastSquares) -> Option<Findings> {
+    let n = design.names.len();
+    let found = design.names.iter().zip(&design.answers).enumerate().map(|(k, (name, all))| {
         let least = |of: fn(&Found) -> f64| all.iter().map(|found| of(found)).fold(f64::INFINITY, f64::min);
         Some(Found {
             name: (*name).to_owned(),
-            value: beta[k],
-            spread: few * of_beta[(k, k)].max(0.0).sqrt(),
+            value: squares.beta[k],
+            spread: squares.std_error(k),
             bias: 0.0,
             coloured: Vec::new(),
-            judgement: first.judgement,
+            judgement: all.first()?.judgement,
             at_bound: all.iter().all(|found| found.at_bound),
             noise_share: least(|found| found.noise_share),
             correlation: least(|found| found.correlation),
@@ -201,8 +289,8 @@ pub fn together(logs: &[&Findings], free: &BTreeSet<String>, varying: &[Varying]
         lines.dedup();
         lines
     };
-    let findings = Findings {
-        covariance: of_beta.view((0, 0), (n, n)).into_owned() * few.powi(2),
+    Some(Findings {
+        covariance: squares.of_beta.view((0, 0), (n, n)).into_owned() * squares.few.powi(2),
         warnings: lines(|log| &log.warnings),
         notes: lines(|log| &log.notes),
         rows: logs.iter().map(|log| log.rows).sum(),
@@ -213,8 +301,7 @@ pub fn together(logs: &[&Findings], free: &BTreeSet<String>, varying: &[Varying]
         decisions: logs.iter().flat_map(|log| log.decisions.clone()).collect(),
         given_up: Default::default(),
         found,
-    };
-    findings.found.iter().all(|found| found.value.is_finite()).then_some(Together { findings, laws, own })
+    })
 }
 
 #[cfg(test)]
