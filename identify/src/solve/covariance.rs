@@ -17,70 +17,8 @@ use std::collections::BTreeMap;
 /// `B bias = A'W d - (N_a theta - N_y)` at the true `theta`. With [`Options::correct`] it is subtracted, except for guesses.
 pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options, minimiser: Minimiser) -> Solution {
     let n = regression.unknowns.len();
-    let mut information = DMatrix::<f64>::zeros(n, n);
-    let mut gram = DMatrix::<f64>::zeros(n, n);
-    let mut scores: BTreeMap<u32, DVector<f64>> = BTreeMap::new();
-    let mut squares: BTreeMap<u32, DVector<f64>> = BTreeMap::new();
-    let mut pull = DVector::<f64>::zeros(n);
-    let mut guess = DVector::<f64>::zeros(n);
-    let mut noise_energy = DMatrix::<f64>::zeros(n, n);
-    let rows: usize = regression.groups.iter().map(super::Rows::len).sum();
-    let kernel = 1.06 * (rows.max(1) as f64).powf(-0.2);
-    let mut residuals = Vec::new();
-    let mut row = vec![0.0; n];
-    let mut coloured: Vec<(String, DVector<f64>)> = Vec::new();
-    for (group, &scale) in regression.groups.iter().zip(scales) {
-        let of_group = group.residuals(&minimiser.theta);
-        let mut quadratic = 0.0;
-        for (i, residual) in of_group.iter().enumerate() {
-            row.iter_mut().zip(group.row(i)).for_each(|(cell, value)| *cell = value / scale);
-            let r = residual / scale;
-            let (weight, psi) = match options.loss {
-                Loss::Ls => (1.0, r),
-                Loss::L1 => (f64::from(u8::from(r.abs() <= kernel)) / kernel, r.signum()),
-                Loss::Huber => (f64::from(u8::from(r.abs() <= HUBER_DELTA)), r.clamp(-HUBER_DELTA, HUBER_DELTA)),
-            };
-            add_outer(&mut gram, 1.0, &row, &row);
-            if weight > 0.0 {
-                add_outer(&mut information, weight, &row, &row);
-            }
-            add_scaled(scores.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)), psi, &row);
-            if options.loss == Loss::L1 {
-                add_scaled(squares.entry(group.cluster[i]).or_insert_with(|| DVector::zeros(n)), r, &row);
-            }
-            if let Some(neglected) = group.neglected.get(i) {
-                add_scaled(if group.guessed { &mut guess } else { &mut pull }, weight * neglected / scale, &row);
-            }
-            quadratic += weight;
-        }
-        // Noise E in [A y]: the normal equations gain N (E_aa theta - E_ay), which pulls the minimiser.
-        if group.noise.len() == (n + 1) * (n + 1) {
-            for j in 0..n {
-                let noise = &group.noise[j * (n + 1)..(j + 1) * (n + 1)];
-                pull[j] -= quadratic * (dot(&noise[..n], &minimiser.theta) - noise[n]) / (scale * scale);
-                for k in 0..n {
-                    noise_energy[(j, k)] += quadratic * noise[k] / (scale * scale);
-                }
-            }
-        }
-        for (channel, kernel) in &group.coloured {
-            if let Some(variance) = excess(group, scale, kernel, &minimiser.theta) {
-                let mut into = DVector::zeros(n);
-                for j in 0..n {
-                    let noise = &kernel[j * (n + 1)..(j + 1) * (n + 1)];
-                    into[j] = -quadratic * variance * (dot(&noise[..n], &minimiser.theta) - noise[n]) / (scale * scale);
-                }
-                coloured.push((channel.clone(), into));
-            }
-        }
-        residuals.push(of_group);
-    }
-    for (index, unknown) in regression.unknowns.iter().enumerate() {
-        if let Some((_, std)) = unknown.prior {
-            information[(index, index)] += 1.0 / (std * std);
-            gram[(index, index)] += 1.0 / (std * std);
-        }
-    }
+    let Sums { information, gram, scores, squares, shift, guess, noise_energy, coloured, residuals, rows } =
+        Sums::over(regression, scales, options, &minimiser.theta);
     let bread = inverse(&information);
     let LongRun { covariance: mut filling, degrees_of_freedom } = long_run(&scores, n, &gram, rows);
     let mut plain = DMatrix::zeros(n, n);
@@ -92,14 +30,15 @@ pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options,
             filling[(index, index)] += 1.0 / (std * std);
         }
     }
-    // The pull was taken at the biased point: B bias = pull + N_a bias. Where noise is all there is
+    // The shift was taken at the biased point: B bias = shift + N_a bias. Where noise is all there is
     // in a direction, only the first step is known.
     let consistent = match (&information - &noise_energy).cholesky() {
         Some(factor) => factor.inverse(),
         None => bread.clone(),
     };
-    let coloured = coloured.into_iter().map(|(channel, pull)| (channel, (&bread * pull).as_slice().to_vec())).collect();
-    let known = &consistent * pull;
+    let coloured =
+        coloured.into_iter().map(|(channel, shift)| (channel, (&bread * shift).as_slice().to_vec())).collect();
+    let known = &consistent * shift;
     let mut bias = &consistent * guess;
     // What regressor j adds to the others is A d_j with d_j = B^-1 e_j / (B^-1)_jj; its energy is
     // 1 / (B^-1)_jj, of which d_j' N d_j is noise.
@@ -144,6 +83,114 @@ pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options,
         accuracy: minimiser.accuracy,
         theta,
         cost: Vec::new(),
+    }
+}
+
+/// Sums over the rows of a regression at its minimiser, rows in units of their noise.
+struct Sums {
+    /// `B`, with the priors.
+    information: DMatrix<f64>,
+    /// `A'A`, with the priors.
+    gram: DMatrix<f64>,
+    /// `psi(r) a` and `r a`, summed over each cluster; the second for L1 only.
+    scores: BTreeMap<u32, DVector<f64>>,
+    squares: BTreeMap<u32, DVector<f64>>,
+    /// By how much noise in the regressors and neglected terms shift the normal equations, and those that are guesses.
+    shift: DVector<f64>,
+    guess: DVector<f64>,
+    /// `N_a`
+    noise_energy: DMatrix<f64>,
+    /// The same of coloured noise, by channel.
+    coloured: Vec<(String, DVector<f64>)>,
+    /// Residuals of each group, in its unit.
+    residuals: Vec<Vec<f64>>,
+    rows: usize,
+}
+
+impl Sums {
+    fn over(regression: &Regression, scales: &[f64], options: &Options, theta: &[f64]) -> Self {
+        let n = regression.unknowns.len();
+        let mut sums = Self {
+            information: DMatrix::zeros(n, n),
+            gram: DMatrix::zeros(n, n),
+            scores: BTreeMap::new(),
+            squares: BTreeMap::new(),
+            shift: DVector::zeros(n),
+            guess: DVector::zeros(n),
+            noise_energy: DMatrix::zeros(n, n),
+            coloured: Vec::new(),
+            residuals: Vec::new(),
+            rows: regression.groups.iter().map(super::Rows::len).sum(),
+        };
+        for (group, &scale) in regression.groups.iter().zip(scales) {
+            let curvature = sums.add_rows(group, scale, options.loss, theta);
+            sums.add_noise(group, scale, curvature, theta);
+        }
+        for (index, unknown) in regression.unknowns.iter().enumerate() {
+            if let Some((_, std)) = unknown.prior {
+                sums.information[(index, index)] += 1.0 / (std * std);
+                sums.gram[(index, index)] += 1.0 / (std * std);
+            }
+        }
+        sums
+    }
+
+    /// Adds the rows of a group; the sum of their weights.
+    fn add_rows(&mut self, group: &super::Rows, scale: f64, loss: Loss, theta: &[f64]) -> f64 {
+        let n = theta.len();
+        let kernel = 1.06 * (self.rows.max(1) as f64).powf(-0.2);
+        let of_group = group.residuals(theta);
+        let mut row = vec![0.0; n];
+        let mut curvature = 0.0;
+        for (i, residual) in of_group.iter().enumerate() {
+            row.iter_mut().zip(group.row(i)).for_each(|(cell, value)| *cell = value / scale);
+            let r = residual / scale;
+            let (weight, psi) = match loss {
+                Loss::Ls => (1.0, r),
+                Loss::L1 => (f64::from(u8::from(r.abs() <= kernel)) / kernel, r.signum()),
+                Loss::Huber => (f64::from(u8::from(r.abs() <= HUBER_DELTA)), r.clamp(-HUBER_DELTA, HUBER_DELTA)),
+            };
+            add_outer(&mut self.gram, 1.0, &row, &row);
+            if weight > 0.0 {
+                add_outer(&mut self.information, weight, &row, &row);
+            }
+            let cluster = group.cluster[i];
+            add_scaled(self.scores.entry(cluster).or_insert_with(|| DVector::zeros(n)), psi, &row);
+            if loss == Loss::L1 {
+                add_scaled(self.squares.entry(cluster).or_insert_with(|| DVector::zeros(n)), r, &row);
+            }
+            if let Some(neglected) = group.neglected.get(i) {
+                let into = if group.guessed { &mut self.guess } else { &mut self.shift };
+                add_scaled(into, weight * neglected / scale, &row);
+            }
+            curvature += weight;
+        }
+        self.residuals.push(of_group);
+        curvature
+    }
+
+    /// Noise `E` in `[A y]`: the normal equations gain `N (E_aa theta - E_ay)`, which shifts the minimiser.
+    fn add_noise(&mut self, group: &super::Rows, scale: f64, curvature: f64, theta: &[f64]) {
+        let n = theta.len();
+        if group.noise.len() == (n + 1) * (n + 1) {
+            for j in 0..n {
+                let noise = &group.noise[j * (n + 1)..(j + 1) * (n + 1)];
+                self.shift[j] -= curvature * (dot(&noise[..n], theta) - noise[n]) / (scale * scale);
+                for (k, noise) in noise[..n].iter().enumerate() {
+                    self.noise_energy[(j, k)] += curvature * noise / (scale * scale);
+                }
+            }
+        }
+        for (channel, kernel) in &group.coloured {
+            if let Some(variance) = excess(group, scale, kernel, theta) {
+                let mut into = DVector::zeros(n);
+                for j in 0..n {
+                    let noise = &kernel[j * (n + 1)..(j + 1) * (n + 1)];
+                    into[j] = -curvature * variance * (dot(&noise[..n], theta) - noise[n]) / (scale * scale);
+                }
+                self.coloured.push((channel.clone(), into));
+            }
+        }
     }
 }
 
