@@ -23,17 +23,21 @@
 //! delay and with the radii of stage 0, which is more accurate if there is none, but its standard errors hold any delay
 //! that would not have shown. Where it does not determine the delay, delay and gain are considered as for any other sensor.
 
+mod rolling;
 mod sample;
+mod slip;
+
+pub use slip::slip_regression;
 
 use crate::assess::Limits;
 use crate::log::Log;
-use crate::problem::{FitError, Fitted, Judgement, Known, Prediction, Problem, Session, Target, Task};
+use crate::problem::{FitError, Fitted, Judgement, Prediction, Problem, Session, Target, Task};
 use crate::result::Trace;
-use crate::solve::{Affine, Constraint, Regression, Rows, Unknown};
+use rolling::{coasting_radius, impulse_balance};
 use sample::{Balance, Machine, Run};
+use slip::{FIXED, Radii, SHARED, Slip};
 use wheelstate::Variables;
 use wheelstate::estimator::wheel_loader::Parameters;
-use wheelstate::model::wheel_loader::Loader;
 
 /// The problem.
 pub const PROBLEM: Problem = Problem { targets, estimate, validate };
@@ -47,27 +51,11 @@ const HEIGHT: &str = "initial.cg_height";
 const WIDTHS: [(&str, &str); 3] =
     [(STIFFNESS, "initial.slip_stiffness_std"), (RATIO, "initial.cg_ratio_std"), (HEIGHT, "initial.cg_height_std")];
 
-/// Axle torque below which a wheel coasts, N.m; the time that a coast takes to settle, and the least time of coasting
-/// that says something, s.
-const COAST_TORQUE: f64 = 40.0;
-const COAST_SETTLE: f64 = 0.2;
-const LEAST_COASTING: f64 = 0.5;
 /// Length of a window of the impulse balance, and of a cluster of the moments, as long as tyres bounce, s.
 const WINDOW: f64 = 0.5;
 const CLUSTER: f64 = 0.25;
-/// Windows of the impulse balance per cluster.
-const CLUSTER_WINDOWS: u32 = 4;
-/// Slowest speed, m/s, and largest slip of the samples of stage 2.
-const SLOWEST: f64 = 0.8;
-const LARGEST_SLIP: f64 = 0.15;
-/// Linearisations of the columns of radii and delays in stage 2.
-const PASSES: usize = 3;
 /// Samples of which one enters stage 2 where only differences between fits are looked for.
 const COARSE: usize = 3;
-/// Number of unknowns of stage 2 before the logs' delays.
-const SHARED: usize = 5;
-/// Relative standard deviation of a radius that is not to move.
-const FIXED: f64 = 1e-7;
 /// Given radii are kept if the log moves none of them by more than so many standard errors.
 const KEEP: f64 = 2.0;
 /// Largest standard error of a delay that the log determines, as a share of what is known beforehand.
@@ -247,41 +235,6 @@ fn relatively_known(name: &str, session: &Session) -> bool {
     session.value(name).zip(session.std_error(name)).is_some_and(|(value, std)| std <= UNOBSERVABLE * value.abs())
 }
 
-/// What is known of the rolling radii beforehand: values, and relative standard deviations.
-struct Radii {
-    given: [f64; 2],
-    std: [f64; 2],
-}
-
-/// Stage 2 over some logs.
-struct Slip<'a> {
-    logs: &'a [Run],
-    names: &'a [&'a str],
-    stride: usize,
-}
-
-impl Slip<'_> {
-    /// Solves stage 2 and leaves its answer in the machine for the next linearisation.
-    fn fit(
-        &self,
-        machine: &mut Machine,
-        radii: &Radii,
-        height: Option<(f64, f64)>,
-        session: &mut Session,
-    ) -> Result<Option<Fitted>, FitError> {
-        let mut fit = None;
-        for _ in 0..PASSES {
-            let before = machine.late.clone();
-            fit = session.solve(&slip_balance(self.logs, machine, radii, height, true, self.stride), self.names)?;
-            let Some(found) = fit else { break };
-            let theta = &session.solution(found).theta;
-            machine.unknowns = [theta[0], theta[1] / theta[0], theta[2] / theta[0]];
-            machine.late = before.iter().zip(&theta[SHARED..]).map(|(late, x)| late + x / theta[0]).collect();
-        }
-        Ok(fit)
-    }
-}
-
 /// The radii's columns are strongly correlated with `K` by nature; the intervals say how much it matters.
 fn judged(systematic_std: f64) -> Judgement {
     let limits = Limits { relative_error: LARGEST_ERROR, correlation: 1.0, condition_number: 1e6, ..Limits::default() };
@@ -357,184 +310,6 @@ fn keep_given_radii(
     }
     session.note("the log agrees with the given rolling radii, which were kept");
     Ok(())
-}
-
-/// Stage 0: the radius of an axle and its standard error, or nothing if the machine never coasts.
-fn coasting_radius(
-    logs: &[Run],
-    machine: &Machine,
-    axle: usize,
-    session: &mut Session,
-) -> Result<Option<(f64, f64)>, FitError> {
-    let mut rows = Rows::new("coasting", "m/s", 1);
-    let mut first = 0;
-    let mut time = 0.0;
-    for run in logs {
-        let mut since = 0;
-        for (k, sample) in run.samples.iter().enumerate() {
-            let forces = [sample.drive.force_x, sample.drive.force_z];
-            let coasts = sample.torque.iter().all(|torque| torque.abs() < COAST_TORQUE)
-                && forces.iter().all(|force| force.abs() < 100.0);
-            since = if coasts { since + 1 } else { 0 };
-            let settled = since > run.steps(COAST_SETTLE) && sample.speed > 1.0;
-            if settled && rows.push(&[sample.wheel[axle]], sample.speed, first + run.cluster(k)) {
-                time += run.period;
-            }
-        }
-        first += run.cluster(run.samples.len()) + 1;
-    }
-    if time < LEAST_COASTING - 1e-9 {
-        return Ok(None);
-    }
-    let given = machine.radius[axle];
-    let prior = given * machine.radius_std;
-    let regression = Regression {
-        name: "coasting".to_owned(),
-        unknowns: vec![Unknown::within("r", 0.5 * given, 2.0 * given).with_prior(given, prior)],
-        groups: vec![rows],
-        constraints: Vec::new(),
-    };
-    let Some(fit) = session.solve(&regression, &[])? else { return Ok(None) };
-    let solution = session.solution(fit);
-    Ok(Some((solution.theta[0], solution.std(0))))
-}
-
-/// Stage 1: impulse balance over windows.
-fn impulse_balance(logs: &[Run], machine: &Machine) -> Regression {
-    let (radius, Loader { mass, .. }) = (machine.radius, machine.model.loader);
-    let inertia = machine.model.loader.axle_inertia();
-    let mut rows = Rows::new("impulse", "N.s", 1);
-    let mut cluster = 0;
-    for run in logs {
-        let steps = run.steps(WINDOW);
-        for window in run.samples.windows(steps + 1).step_by(steps) {
-            if window.iter().any(|sample| sample.speed < 0.3) {
-                continue;
-            }
-            let (mut impulse, mut weight) = (0.0, 0.0);
-            for (k, sample) in window.iter().enumerate() {
-                let share = if k == 0 || k == steps { 0.5 * run.period } else { run.period };
-                let drive: f64 = (0..2).map(|i| sample.torque[i] / radius[i]).sum();
-                impulse += share * (drive - sample.drive.force_x - mass * sample.gravity[0]);
-                weight += share * sample.sense * (mass * sample.gravity[1] + sample.drive.force_z);
-            }
-            let (first, last) = (&window[0], &window[steps]);
-            impulse -= mass * (last.speed - first.speed);
-            for i in 0..2 {
-                impulse -= inertia[i] / radius[i] * (last.wheel[i] - first.wheel[i]);
-            }
-            rows.push(&[weight], impulse, cluster / CLUSTER_WINDOWS);
-            cluster += 1;
-        }
-    }
-    Regression {
-        name: "impulse balance".to_owned(),
-        unknowns: vec![Unknown::within("f", 0.0, 0.3)],
-        groups: vec![rows],
-        constraints: Vec::new(),
-    }
-}
-
-/// Stage 2: torque as a function of slip and load, unknowns `(K, K lambda, K h, eta_f, eta_r, K tau of each log)`, from one of
-/// `stride` samples.
-fn slip_balance(
-    logs: &[Run],
-    machine: &Machine,
-    radii: &Radii,
-    height: Option<(f64, f64)>,
-    instrumented: bool,
-    stride: usize,
-) -> Regression {
-    let prior = height;
-    let [stiffness, lambda, height] = machine.unknowns;
-    let columns = SHARED + logs.len();
-    let mut rows = Rows::new("slip", "N.m", columns);
-    let mut noise = vec![0.0; (columns + 1) * (columns + 1)];
-    let (mut row, mut instruments) = (vec![0.0; columns], vec![0.0; columns]);
-    let mut first = 0;
-    for (index, run) in logs.iter().enumerate() {
-        row.fill(0.0);
-        instruments.fill(0.0);
-        let late = machine.late[index];
-        for (k, sample) in run.samples.iter().enumerate().step_by(stride) {
-            let speed = sample.smooth;
-            if speed <= SLOWEST || speed.is_nan() {
-                continue;
-            }
-            let measured = run.speed(k, late);
-            let Balance { load_row, traction, rate } = sample.balance(machine);
-            for axle in 0..2 {
-                let radius = machine.radius[axle];
-                let slipping = radius * sample.wheel[axle] - measured;
-                if slipping.abs() >= LARGEST_SLIP * speed || slipping.is_nan() {
-                    continue;
-                }
-                let (g, traction) = (load_row[axle], traction[axle]);
-                let load = g[0] + g[1] * lambda + g[2] * height;
-                // Times the speed: the noise of the slip speed is the same at every speed.
-                let fill = |row: &mut [f64], slipping: f64| {
-                    for (cell, g) in row.iter_mut().zip(g) {
-                        *cell = radius * slipping * g;
-                    }
-                    row[3 + axle] = speed * radius * load;
-                    row[4 - axle] = 0.0;
-                    row[SHARED + index] = -rate * radius * load;
-                };
-                fill(&mut row, slipping);
-                let id = first + run.cluster(k + 1);
-                if instrumented {
-                    fill(&mut instruments, speed * traction / (radius * stiffness * load));
-                    rows.push_instrumented(&row, speed * traction, &instruments, id);
-                } else if rows.push(&row, speed * traction, id) {
-                    // What the sensors' noise alone puts into the row.
-                    let sensors = machine.noise[0].powi(2) + (radius * machine.noise[1]).powi(2);
-                    for (j, k) in (0..9).map(|n| (n / 3, n % 3)) {
-                        noise[j * (columns + 1) + k] += radius * radius * sensors * g[j] * g[k];
-                    }
-                }
-            }
-        }
-        first += run.cluster(run.samples.len()) + 1;
-    }
-    if !instrumented && !rows.is_empty() {
-        rows.noise = noise.iter().map(|sum| sum / rows.len() as f64).collect();
-    }
-    let delay = |late: &f64| {
-        let std = machine.late_std.max(late.abs()).max(FIXED);
-        Unknown::free("K tau").with_prior(-stiffness * late, stiffness * std)
-    };
-    let eta = |axle: usize| {
-        let (given, std) = ((radii.given[axle] / machine.radius[axle]).ln(), radii.std[axle]);
-        Unknown::free(if axle == 0 { "eta_f" } else { "eta_r" }).with_prior(stiffness * given, stiffness * std)
-    };
-    let between = |index: usize, low: f64, high: f64| {
-        [
-            Constraint::NonNegative(Affine::new(&[(index, 1.0), (0, -low)], 0.0)),
-            Constraint::NonNegative(Affine::new(&[(index, -1.0), (0, high)], 0.0)),
-        ]
-    };
-    let mut constraints = between(1, 0.1, 0.9).to_vec();
-    constraints.extend(between(2, 0.3, 2.5));
-    let mut unknowns = vec![
-        Unknown::within("K", 2.0, 80.0),
-        Unknown::free("K lambda"),
-        match prior {
-            Some((mean, std)) => Unknown::free("K h").with_prior(stiffness * mean, stiffness * std),
-            None => Unknown::free("K h"),
-        },
-        eta(0),
-        eta(1),
-    ];
-    unknowns.extend(machine.late.iter().map(delay));
-    Regression { name: "slip and load".to_owned(), unknowns, groups: vec![rows], constraints }
-}
-
-/// The regression of stage 2 with the known radii, by instruments or by plain least squares: for
-/// comparisons.
-pub fn slip_regression(log: &Log, known: &Known, instrumented: bool) -> Result<Regression, FitError> {
-    let machine = Machine::new(known, 1);
-    let radii = Radii { given: machine.radius, std: [FIXED; 2] };
-    Ok(slip_balance(&[Run::new(log, &machine)?], &machine, &radii, None, instrumented, 1))
 }
 
 /// Predicts the slip speed `r w - v` of each axle, averaged over half a second.
