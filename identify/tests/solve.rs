@@ -236,3 +236,28 @@ fn a_contradiction_is_reported_in_the_users_words() {
     );
     assert!(!words.contains("Infeasible") && !words.contains("Progress"), "{words}");
 }
+
+/// Rows of zeros, as a machine's moment on a straight ride, neither stop the solver nor tell anything.
+#[test]
+fn rows_of_zeros_leave_an_unknown_without_a_finite_error_or_are_refused() {
+    for (seed, loss) in [Loss::Ls, Loss::Huber, Loss::L1].into_iter().enumerate() {
+        for share in [0.0, 1e-300, 1e-160] {
+            let mut problem = regression(seed as u64, 200, &[1.0, 2.0], 0.0);
+            let mut zeros = Rows::new("moment", "N.m", 3);
+            for i in 0..100 {
+                zeros.push(&[0.0, 0.0, share], 0.0, 200 + i);
+            }
+            let mut group = Rows::new("rows", "N", 3);
+            for i in 0..problem.groups[0].len() {
+                let row = [problem.groups[0].row(i), &[0.0]].concat();
+                group.push(&row, problem.groups[0].y[i], i as u32);
+            }
+            problem.groups = vec![group, zeros];
+            problem.unknowns.push(Unknown::free("inertia"));
+            match solve(&problem, &Options { loss, ..Options::default() }) {
+                Ok(solution) => assert!(!(solution.std(2) < 1e9), "{loss:?} {share}: +-{}", solution.std(2)),
+                Err(error) => assert!(error.to_string().contains("test"), "{error}"),
+            }
+        }
+    }
+}

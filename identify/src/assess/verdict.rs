@@ -55,7 +55,9 @@ pub fn verdict(evidence: &Evidence, limits: &Limits) -> Verdict {
         reasons.push("sits at its bound".to_owned());
     }
     let allowed = limits.absolute_error.unwrap_or(limits.relative_error * evidence.value.abs());
-    if evidence.std_error.is_nan() || evidence.std_error > allowed {
+    if !evidence.std_error.is_finite() {
+        reasons.push("nothing in the logs depends on its size".to_owned());
+    } else if evidence.std_error > allowed {
         reasons.push(match limits.absolute_error {
             Some(limit) => format!("standard error {:.3e} exceeds {limit}", evidence.std_error),
             None if evidence.std_error >= evidence.value.abs() => {

@@ -82,6 +82,9 @@ pub struct Effect {
     pub shift: Vec<f64>,
 }
 
+/// Share of noise in a regressor from which it shows nothing else.
+const NOTHING_BUT_NOISE: f64 = 0.99;
+
 impl Findings {
     /// The estimate of a parameter.
     pub fn get(&self, name: &str) -> Option<&Found> {
@@ -93,9 +96,13 @@ impl Findings {
         self.found.iter().map(|found| (found.name.as_str(), found.value))
     }
 
-    /// Standard error of each estimate with everything that is known of.
+    /// Standard error of each estimate with everything that is known of. It is infinite where the regressor is nothing
+    /// but sensor noise: a fit to such rows is near zero for any true value, and small residuals are no proof of it.
     pub fn errors(&self, effects: &[Effect]) -> Vec<f64> {
         let of = |(index, found): (usize, &Found)| {
+            if found.noise_share > NOTHING_BUT_NOISE || !found.own_error().is_finite() {
+                return f64::INFINITY;
+            }
             let considered: f64 = effects.iter().map(|effect| effect.shift[index].powi(2)).sum();
             found.own_error().hypot(found.judgement.systematic_std).hypot(considered.sqrt())
         };
@@ -212,7 +219,7 @@ impl Findings {
                 value,
                 unit: target.unit.clone(),
                 std_error,
-                sampling_std: found.spread.hypot(found.bias),
+                sampling_std: if std_error.is_finite() { found.spread.hypot(found.bias) } else { std_error },
                 ci95: [value - half, value + half],
                 identified: reasons.is_empty(),
                 at_bound: found.at_bound,

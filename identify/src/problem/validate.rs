@@ -78,7 +78,7 @@ impl Judge<'_> {
             let difference = (before.value - found.value).abs();
             let limits = found.judgement.limits;
             let matters = 0.1 * limits.absolute_error.unwrap_or(limits.relative_error * found.value.abs());
-            if difference > UNSTEADY * apart && difference > error.max(matters) {
+            if error.is_finite() && difference > UNSTEADY * apart && difference > error.max(matters) {
                 self.doubts.entry(found.name.clone()).or_default().push(format!(
                     "the first {:.0} % of the logs say {:.4} +- {:.2}, the whole {:.4}",
                     100.0 * TRAINING_SHARE,

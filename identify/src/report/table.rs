@@ -84,7 +84,7 @@ pub(super) fn row(name: &str, p: &Parameter, truth: Option<&f64>) -> [String; 8]
     let unit = if p.unit == "1" { "" } else { &p.unit };
     let truth = truth.map_or(String::new(), |truth| number(*truth, decimals));
     let half = 1.96 * p.sampling_std;
-    let noise = if half > 0.0 { format!("+-{}", significant(half, 2)) } else { "-".to_owned() };
+    let noise = if half > 0.0 && half.is_finite() { format!("+-{}", significant(half, 2)) } else { "-".to_owned() };
     [
         name.to_owned(),
         number(p.value, decimals),

@@ -269,11 +269,14 @@ pub fn long_run(scores: &BTreeMap<u32, DVector<f64>>, n: usize, gram: &DMatrix<f
 }
 
 /// Pseudo-inverse of a symmetric matrix, scaled to a unit diagonal first so that the units of
-/// the unknowns do not matter.
+/// the unknowns do not matter. NaN, of which nothing follows, if the matrix is not finite.
 pub fn inverse(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     let scale = matrix.diagonal().map(|value| if value > 0.0 { value.sqrt() } else { 1.0 });
     let scaled = DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] / (scale[i] * scale[j]));
-    let pseudo = scaled.pseudo_inverse(1e-14).unwrap_or_else(|_| DMatrix::zeros(matrix.nrows(), matrix.ncols()));
+    // Singular values of what is not finite are looked for without end.
+    let finite = scaled.iter().all(|value| value.is_finite());
+    let pseudo = finite.then(|| scaled.pseudo_inverse(1e-14).ok()).flatten();
+    let pseudo = pseudo.unwrap_or_else(|| DMatrix::from_element(matrix.nrows(), matrix.ncols(), f64::NAN));
     DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| pseudo[(i, j)] / (scale[i] * scale[j]))
 }
 

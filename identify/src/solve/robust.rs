@@ -24,12 +24,18 @@ pub struct Minimiser {
 
 /// Robust standard deviation of residuals: 1.4826 times the median absolute deviation from the
 /// median; at least 1e-12 of the size of the right-hand sides `y`, so that rows without any noise can be divided by it.
+/// Rows of nothing but zeros have no size: they are divided by 1.
 pub fn deviation(residuals: &[f64], y: &[f64]) -> f64 {
     let centre = median(residuals.to_vec());
     let spread = 1.4826 * median(residuals.iter().map(|r| (r - centre).abs()).collect());
     let size = y.iter().map(|v| v.abs()).fold(0.0, f64::max);
-    spread.max(1e-12 * size).max(f64::MIN_POSITIVE.sqrt())
+    let least = spread.max(1e-12 * size);
+    // Squares of what is divided by less would not be finite.
+    if least > SMALLEST { least } else { 1.0 }
 }
+
+/// Below this a deviation is zero.
+const SMALLEST: f64 = 1e-100;
 
 fn median(mut values: Vec<f64>) -> f64 {
     let n = values.len();

@@ -265,3 +265,17 @@ fn the_estimator_follows_every_scenario() {
     let wrong = Request { scenario: "climb".into(), settings: vec![("plant.mass".into(), -1.0)], seed: 0 };
     assert!(wheelchair::VEHICLE.simulate(&wrong).unwrap_err().to_string().contains("allowed range"));
 }
+
+/// Without a turn the moment's rows hold nothing but the gyroscope's noise, which a moment of inertia of zero fits best.
+#[test]
+fn straight_climbs_tell_the_mass_and_nothing_of_the_turn() {
+    let logs: Vec<Log> = (1..=3).map(|seed| simulated("climb", seed, &[])).collect();
+    let report = run(&logs, &FitRequest::default());
+    let mass = &report.parameters["chair.mass"];
+    assert!(mass.identified && (mass.value - 100.0).abs() < 3.0 * mass.std_error);
+    for name in ["chair.yaw_inertia", "chair.com_ahead", "chair.yaw_drag", "initial.accel_y_bias"] {
+        let p = &report.parameters[name];
+        assert!(!p.identified && !p.std_error.is_finite(), "{name} {} +- {}", p.value, p.std_error);
+    }
+    assert!(report.warnings.iter().all(|text| !text.contains("NaN") && !text.contains("inf")), "{:?}", report.warnings);
+}
