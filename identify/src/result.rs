@@ -54,6 +54,9 @@ pub struct FitReport {
     /// How parameters vary from log to log, where that was asked for (`--varies`).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub laws: Vec<Law>,
+    /// Profiles of parameters, where they were asked for (`--profile`).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub profiles: Vec<Profile>,
     /// Known values that the fit relied on (`--set`, `--params`), by their FMU names.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub settings: BTreeMap<String, f64>,
@@ -168,6 +171,53 @@ pub struct Law {
     /// `chi2/dof` of the logs about the law by the errors of their fits alone.
     #[serde(with = "maybe")]
     pub disagreement: f64,
+}
+
+/// How much worse the best fit becomes when a parameter is held away from its estimate.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Profile {
+    /// FMU name of the parameter.
+    pub parameter: String,
+    /// The estimate.
+    #[serde(with = "maybe")]
+    pub estimate: f64,
+    /// Its standard deviation by noise, times what Student's distribution adds.
+    #[serde(with = "maybe")]
+    pub std: f64,
+    /// Values at which it was held, ascending, in its unit.
+    pub values: Vec<f64>,
+    /// `2 (Q(value) - Q(estimate)) / inflation` with the cost `Q` of the best fit there; chi-squared with one degree of
+    /// freedom at the truth, 3.84 at 95 %.
+    pub statistic: Vec<f64>,
+    /// Whether the others were fitted anew at each value; otherwise it is a parabola by the covariance.
+    pub refitted: bool,
+    /// How many times larger the variance of the estimate is than independent noise of the fit's weights would make it.
+    #[serde(with = "maybe")]
+    pub inflation: f64,
+    /// 95 % interval by noise alone; `null` where it has no end.
+    #[serde(with = "maybe_pair")]
+    pub noise95: [f64; 2],
+    /// 99.7 % interval by noise alone.
+    #[serde(with = "maybe_pair")]
+    pub noise997: [f64; 2],
+    /// 95 % interval with all that is considered: sensors, known values, noise that may not be white.
+    #[serde(with = "maybe_pair")]
+    pub ci95: [f64; 2],
+    /// How the curve ends below and above.
+    pub ends: [ProfileEnd; 2],
+}
+
+/// How one side of a profile ends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ProfileEnd {
+    /// It passes 99.7 %.
+    #[default]
+    Passed,
+    /// At a bound of what is allowed, still below that.
+    Bound,
+    /// Nowhere: the logs exclude no value, however far.
+    Open,
 }
 
 /// How far the data determine a parameter.

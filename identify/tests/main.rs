@@ -9,6 +9,7 @@ mod check;
 mod cli;
 mod convert;
 mod coverage;
+mod profile;
 mod report;
 mod run;
 mod sixth_machine;

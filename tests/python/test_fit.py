@@ -32,6 +32,20 @@ def test_a_fit_finds_the_truth_and_says_how_well_it_knows_it(drive, fitted):
     assert "human.stiffness_pitch" in str(fitted) and "<table>" in fitted._repr_html_() and "parameters identified" in repr(fitted)
 
 
+def test_a_profile_is_the_parabola_of_the_interval_where_the_cost_is_quadratic(drive):
+    # least squares, linear in the stiffness: the closed form is ((c - estimate)/std)^2
+    fit = wheelstate.fit("nursing-robot", drive, loss="ls", profile=["human.stiffness_pitch", "human.rest_pitch"])
+    assert sorted(fit.profiles) == ["human.rest_pitch", "human.stiffness_pitch"]
+    profile = fit.profiles["human.stiffness_pitch"]
+    assert profile.refitted and profile.ends == ("passed", "passed") and (np.diff(profile.values) > 0).all()
+    std = (profile.noise95[1] - profile.estimate) / math.sqrt(3.841459)
+    np.testing.assert_allclose(profile.statistic, ((profile.values - profile.estimate) / std) ** 2, rtol=2e-3, atol=1e-6)
+    assert math.isclose(profile.noise997[0], profile.estimate - math.sqrt(8.807469) * std, rel_tol=1e-3)
+    assert profile.ci95[0] <= profile.noise95[0] and profile.noise95[1] <= profile.ci95[1]
+    with pytest.raises(wheelstate.Error, match="--profile human.height: cannot be fitted"):
+        wheelstate.fit("nursing-robot", drive, profile=["human.height"])
+
+
 def test_tables_files_and_logs_give_the_same_fit(drive, fitted, tmp_path):
     drive.write(tmp_path / "drive.csv")
     for log in (drive.to_pandas(), pl.DataFrame(drive), drive.to_arrow(), {n: drive[n] for n in drive}, tmp_path / "drive.csv"):

@@ -9,7 +9,7 @@ Everything is done by the Rust packages; the command `wheelstate` is the same co
 one-line messages.
 """
 
-from ._fit import Covariance, Finding, Fit, Parameter, check, fit, scenarios, simulate, tune
+from ._fit import Covariance, Finding, Fit, Parameter, Profile, check, fit, scenarios, simulate, tune
 from ._fleet import Block, Difference, compare, compress, merge
 from ._fmu import fmu, pack
 from ._log import Log, read
@@ -26,6 +26,7 @@ __all__ = [
     "Log",
     "LogError",
     "Parameter",
+    "Profile",
     "Refused",
     "Run",
     "__version__",

@@ -77,6 +77,28 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Profile:
+    """How much worse the best fit becomes when a parameter is held away from its estimate. Ends that do not exist are NaN."""
+
+    name: str
+    estimate: float
+    values: "NDArray[np.float64]"
+    """Values at which it was held, ascending."""
+    statistic: "NDArray[np.float64]"
+    """Chi-squared with one degree of freedom at the truth, by noise alone: 3.84 at 95 %."""
+    refitted: bool
+    """Whether the others were fitted anew at each value; otherwise it is a parabola by the covariance."""
+    noise95: tuple[float, float]
+    """95 % interval by noise alone."""
+    noise997: tuple[float, float]
+    """99.7 % interval by noise alone."""
+    ci95: tuple[float, float]
+    """95 % interval with all that is considered."""
+    ends: tuple[Literal["passed", "bound", "open"], Literal["passed", "bound", "open"]]
+    """How the curve ends below and above: it passes 99.7 %, or a bound comes first, or it has no end."""
+
+
+@dataclass(frozen=True)
 class Covariance:
     """Covariance of the fitted parameters."""
 
@@ -146,6 +168,11 @@ class Fit:
             return None
         rows = [[_number(value) for value in row] for row in told["matrix"]]
         return Covariance(tuple(told["parameters"]), np.array(rows, dtype=np.float64))
+
+    @property
+    def profiles(self) -> dict[str, Profile]:
+        """The profiles that were asked for, by the parameters' FMU names."""
+        return {told["parameter"]: _profile(told) for told in self._told.get("profiles", [])}
 
     @property
     def warnings(self) -> list[str]:
@@ -235,6 +262,26 @@ def _parameter(name: str, told: dict[str, Any]) -> Parameter:
     )
 
 
+def _profile(told: dict[str, Any]) -> Profile:
+    import numpy as np
+
+    def pair(name: str) -> tuple[float, float]:
+        low, high = told[name]
+        return _number(low), _number(high)
+
+    return Profile(
+        name=told["parameter"],
+        estimate=_number(told["estimate"]),
+        values=np.array(told["values"], dtype=np.float64),
+        statistic=np.array(told["statistic"], dtype=np.float64),
+        refitted=told["refitted"],
+        noise95=pair("noise95"),
+        noise997=pair("noise997"),
+        ci95=pair("ci95"),
+        ends=(told["ends"][0], told["ends"][1]),
+    )
+
+
 def fit(
     machine: str,
     logs: Logs,
@@ -248,6 +295,7 @@ def fit(
     sensor: Mapping[str, float] | None = None,
     exact: bool = False,
     only: Sequence[str] = (),
+    profile: Sequence[str] = (),
     per_log: Sequence[str] = (),
     varies: Mapping[str, str | None] | None = None,
     held_out: Logs = (),
@@ -266,7 +314,8 @@ def fit(
     `logs` are logs, files or tables; `columns` is the column map for files and tables. `set` holds values, `set_of_log`
     those of single logs by their index, `prior` has value and standard deviation, `bound` the ends of a range, `sensor`
     standard deviations as `{"drive_force.gain_std": 0.005}`, `varies` the channel that a parameter follows from log to log
-    or None, `span` and `exclude` times in s. Logs that nothing can be
+    or None, `profile` the parameters that are held at values ever farther from their estimates (`Fit.profiles`),
+    `span` and `exclude` times in s. Logs that nothing can be
     fitted to raise `Refused`, whose `fit` holds what was read and what is wrong.
     """
     read_logs = read_all(logs, columns, machine, progress)
@@ -281,6 +330,7 @@ def fit(
         "bounds": [(name, *pair) for name, pair in (bound or {}).items()],
         "sensors": texts(sensor),
         "only": list(only),
+        "profile": list(profile),
         "per_log": list(per_log),
         "varies": list((varies or {}).items()),
         "allow": list(allow),

@@ -61,6 +61,10 @@ pub(super) struct FitArgs {
     /// channel and the scatter of the logs are fitted. May be repeated.
     #[arg(long = "varies", value_name = "NAME[=CHANNEL]")]
     varies: Vec<String>,
+    /// Hold this parameter at values ever farther from its estimate and fit the others anew: its interval without the
+    /// assumption that it is symmetric, the curve in the result and the report. May be repeated.
+    #[arg(long, value_name = "NAME")]
+    profile: Vec<String>,
     /// Fit only these parameters.
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     only: Vec<String>,
@@ -167,6 +171,7 @@ fn request(args: &FitArgs, paths: &[PathBuf], held_out: Vec<Log>) -> Result<FitR
         skip_bad: args.skip_bad,
         held_out,
         residuals: args.residuals.is_some(),
+        profile: trimmed(&args.profile),
         only: trimmed(&args.only),
         loss: args.loss,
         refine: args.refine,

@@ -3,11 +3,14 @@
 use super::{Judgement, Known, Target};
 use crate::assess::{Evidence, Verdict, verdict};
 use crate::result::{Contribution, CorrelationPair, Covariance, Delay, FitReport, Parameter, Verdict as Shade};
-use nalgebra::DMatrix;
-use std::collections::BTreeMap;
+use crate::solve::profile::Curve;
+use nalgebra::{DMatrix, DVector};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Standard errors from which on a fitted delay is worth a note.
 const SHOWN: f64 = 3.0;
+/// Relative standard error below which a product of parameters counts as determined.
+const KNOWN: f64 = 0.1;
 
 /// One estimate with what is needed to judge it.
 #[derive(Clone, Debug)]
@@ -55,6 +58,8 @@ pub struct Findings {
     pub covariance: DMatrix<f64>,
     /// Delays that were fitted along.
     pub delays: Vec<Delay>,
+    /// The profiles that were asked for.
+    pub profiles: Vec<Profiled>,
     /// What was decided by the data, see [`Session::decide`](super::Session::decide).
     pub decisions: BTreeMap<String, bool>,
     /// What was not found, with the reasons.
@@ -71,6 +76,17 @@ pub struct Findings {
     pub almost: bool,
     /// Whether the bias was subtracted.
     pub corrected: bool,
+}
+
+/// The profile of an estimate.
+#[derive(Clone, Debug)]
+pub struct Profiled {
+    /// Its name.
+    pub name: String,
+    /// The curve.
+    pub curve: Curve,
+    /// Whether it is by refits, or a parabola by the covariance.
+    pub refitted: bool,
 }
 
 /// What one considered cause does to the estimates: one value per estimate, for one standard deviation.
@@ -276,26 +292,91 @@ impl Findings {
         report
     }
 
-    /// What the data do say of a parameter that is not identified: its sum with a multiple of the one that noise tells it
-    /// apart from worst.
+    /// What the data do say of parameters that are not identified: a product of powers if there is one, else a sum.
     fn combinations(&self, report: &FitReport) -> Vec<String> {
-        const ENTANGLED: f64 = 0.9;
-        let c = &self.covariance;
-        let correlation = |i: usize, j: usize| c[(i, j)] / (c[(i, i)] * c[(j, j)]).sqrt();
         let open = |found: &Found| report.parameters.get(&found.name).is_some_and(|p| !p.identified) && !found.at_bound;
-        let of = |(i, found): (usize, &Found)| {
-            let others = (0..self.found.len()).filter(|j| *j != i && correlation(i, *j).is_finite());
-            let j = others.max_by(|a, b| correlation(i, *a).abs().total_cmp(&correlation(i, *b).abs()))?;
-            let rho = correlation(i, j);
-            let (factor, other) = (-c[(i, j)] / c[(j, j)], &self.found[j]);
-            let (value, std) = (found.value + factor * other.value, (c[(i, i)] * (1.0 - rho * rho)).max(0.0).sqrt());
-            let sign = if factor < 0.0 { '-' } else { '+' };
-            (rho.abs() > ENTANGLED && std < 0.3 * value.abs()).then(|| {
-                let factor = factor.abs();
-                format!("determined is {} {sign} {factor:.3e} {} = {value:.4} +- {std:.2}", found.name, other.name)
+        let of = |index: usize| self.product(index).or_else(|| self.sum(index));
+        let mut all: Vec<String> =
+            (0..self.found.len()).filter(|index| open(&self.found[*index])).filter_map(of).collect();
+        let mut seen = BTreeSet::new();
+        all.retain(|line| seen.insert(line.clone()));
+        all
+    }
+
+    fn correlation(&self, i: usize, j: usize) -> f64 {
+        let c = &self.covariance;
+        c[(i, j)] / (c[(i, i)] * c[(j, j)]).sqrt()
+    }
+
+    /// A product of powers that noise leaves well known although it does not leave this parameter so: relative errors add
+    /// as `sum a_j d ln p_j`, and the eigenvectors of their covariance with the smallest eigenvalues have the exponents.
+    /// First it is looked for in pairs. Exponents are rounded to halves where that is as good.
+    fn product(&self, index: usize) -> Option<String> {
+        const ENTANGLED: f64 = 0.5;
+        let own = |j: &usize| *j == index || self.correlation(index, *j).abs() > ENTANGLED;
+        let together: Vec<usize> = (0..self.found.len())
+            .filter(|j| self.found[*j].value != 0.0 && self.covariance[(*j, *j)] > 0.0 && own(j))
+            .collect();
+        let place = together.iter().position(|j| *j == index)?;
+        let n = together.len();
+        let value = |i: usize| self.found[together[i]].value;
+        let relative =
+            DMatrix::from_fn(n, n, |i, j| self.covariance[(together[i], together[j])] / (value(i) * value(j)));
+        let std = |powers: &DVector<f64>| powers.dot(&(&relative * powers)).max(0.0).sqrt();
+        let worth = |std: f64| std < KNOWN && std < 0.3 * relative[(place, place)].sqrt();
+        let pair = |other: usize| {
+            DVector::from_fn(n, |j, _| match j {
+                _ if j == place => 1.0,
+                _ if j == other => -relative[(place, other)] / relative[(other, other)],
+                _ => 0.0,
             })
         };
-        self.found.iter().enumerate().filter(|(_, found)| open(found)).filter_map(of).collect()
+        let mut candidates: Vec<DVector<f64>> = (0..n).filter(|other| *other != place).map(pair).collect();
+        candidates.sort_by(|a, b| std(a).total_cmp(&std(b)));
+        let eigen = relative.clone().symmetric_eigen();
+        let mut order: Vec<usize> = (0..n).filter(|k| eigen.eigenvectors[(place, *k)].abs() > 0.3).collect();
+        order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
+        candidates.extend(order.iter().map(|k| eigen.eigenvectors.column(*k) / eigen.eigenvectors[(place, *k)]));
+        let powers = candidates.iter().find_map(|exact| {
+            let rounded = exact.map(|power| (2.0 * power).round() / 2.0);
+            let as_good = std(&rounded) < (2.0 * std(exact)).max(0.02);
+            [rounded, exact.map(|power| if power.abs() < 0.1 { 0.0 } else { power })]
+                .into_iter()
+                .zip([as_good, true])
+                .find(|(powers, good)| {
+                    *good && worth(std(powers)) && powers.iter().filter(|power| **power != 0.0).count() > 1
+                })
+                .map(|(powers, _)| powers)
+        })?;
+        let used = || (0..n).filter(|j| powers[*j] != 0.0);
+        let factor = |j: usize| {
+            let name = &self.found[together[j]].name;
+            match powers[j] {
+                1.0 => name.clone(),
+                power => format!("{name}^{}", format!("{power:.2}").trim_end_matches('0').trim_end_matches('.')),
+            }
+        };
+        let product: f64 = used().map(|j| value(j).abs().powf(powers[j])).product();
+        let names: Vec<String> = used().map(factor).collect();
+        let percent = 100.0 * std(&powers);
+        let digits = (3 - product.abs().log10().floor() as i32).clamp(0, 9) as usize;
+        Some(format!("determined is {} = {product:.digits$} +- {percent:.2} %", names.join(" * ")))
+    }
+
+    /// The sum of a parameter with a multiple of the one that noise tells it apart from worst.
+    fn sum(&self, i: usize) -> Option<String> {
+        const ENTANGLED: f64 = 0.9;
+        let c = &self.covariance;
+        let others = (0..self.found.len()).filter(|j| *j != i && self.correlation(i, *j).is_finite());
+        let j = others.max_by(|a, b| self.correlation(i, *a).abs().total_cmp(&self.correlation(i, *b).abs()))?;
+        let (found, other, rho) = (&self.found[i], &self.found[j], self.correlation(i, j));
+        let factor = -c[(i, j)] / c[(j, j)];
+        let (value, std) = (found.value + factor * other.value, (c[(i, i)] * (1.0 - rho * rho)).max(0.0).sqrt());
+        let sign = if factor < 0.0 { '-' } else { '+' };
+        (rho.abs() > ENTANGLED && std < 0.3 * value.abs()).then(|| {
+            let factor = factor.abs();
+            format!("determined is {} {sign} {factor:.3e} {} = {value:.4} +- {std:.2}", found.name, other.name)
+        })
     }
 
     /// Delays that the logs show.

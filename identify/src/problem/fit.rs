@@ -1,9 +1,10 @@
 //! From logs and a request to the report: all estimations of a fit and what they say of each other.
 
 use super::considered::{Cause, causes, pieces};
-use super::findings::{Effect, Findings};
+use super::findings::{Effect, Findings, Profiled};
 use super::imposed::{Given, Knowledge};
 use super::log_set::LogSet;
+use super::profiled::{Said, profiles};
 use super::session::Session;
 use super::validate::Judge;
 use super::{FitError, FitRequest, Known, Prediction, Problem, Target, Task};
@@ -70,7 +71,12 @@ impl Fit<'_> {
 
     /// Estimates from some logs, until all that is given holds.
     pub fn run(&self, logs: &[Log], known: &Known, progress: &Progress) -> Result<Findings, FitError> {
-        self.estimate(logs, known, None, progress)
+        self.estimate(logs, known, None, &[], progress)
+    }
+
+    /// The same with the profiles that were asked for.
+    fn run_profiled(&self, logs: &[Log], known: &Known, progress: &Progress) -> Result<Findings, FitError> {
+        self.estimate(logs, known, None, &self.request.profile, progress)
     }
 
     /// The same, or, where only differences from a fit are looked for that took some `decisions`, coarsely.
@@ -79,11 +85,12 @@ impl Fit<'_> {
         logs: &[Log],
         known: &Known,
         decisions: Option<&BTreeMap<String, bool>>,
+        profiled: &[String],
         progress: &Progress,
     ) -> Result<Findings, FitError> {
         let coarse = decisions.is_some();
         let task = self.task(logs, known, coarse, progress);
-        let new = || Session::new(self.request, self.targets).coarse(coarse).decided(decisions);
+        let new = || Session::new(self.request, self.targets).coarse(coarse).decided(decisions).profiling(profiled);
         let mut session = new();
         (self.problem.estimate)(&task, &mut session)?;
         let alone = session.alone(self.given);
@@ -99,7 +106,14 @@ impl Fit<'_> {
             self.warn_of_contradicted(&alone, &mut session);
         }
         session.complete(self.wanted);
-        Ok(session.findings())
+        let mut findings = session.findings();
+        for name in profiled {
+            progress.check()?;
+            let range = self.targets.iter().find(|target| target.name == *name).map(|target| target.range);
+            let curve = session.profile(name, range.unwrap_or((f64::MIN, f64::MAX)))?;
+            findings.profiles.extend(curve.map(|(curve, refitted)| Profiled { name: name.clone(), curve, refitted }));
+        }
+        Ok(findings)
     }
 
     /// Warns of given values that the logs alone contradict; `alone` has value and standard error of each parameter.
@@ -124,7 +138,7 @@ impl Fit<'_> {
     fn effects(&self, logs: &[Log], known: &Known, causes: &[Cause], of: &Findings) -> Vec<Effect> {
         let some = pieces(logs);
         let none = Progress::none();
-        let run = |logs: &[Log], known: &Known| self.estimate(logs, known, Some(&of.decisions), &none);
+        let run = |logs: &[Log], known: &Known| self.estimate(logs, known, Some(&of.decisions), &[], &none);
         let Ok(base) = run(&some, known) else { return Vec::new() };
         let effect = |cause: &Cause| {
             let (logs, changed) = cause.apply(&some, known);
@@ -171,7 +185,7 @@ pub fn fit(
     progress.start_shares("fitting");
     let mut set = LogSet::new(&fit, logs, &known)?;
     let used = set.used();
-    let joint = fit.run(&used, set.first_known(), &progress.part(0.0..0.35))?;
+    let joint = fit.run_profiled(&used, set.first_known(), &progress.part(0.0..0.35))?;
     let mut doubts = Doubts::new();
     let (mut findings, free) = set.settle(joint, &fit, &mut doubts)?;
     findings.warnings.extend(set.warnings.iter().cloned());
@@ -200,9 +214,10 @@ pub fn fit(
         traces: Vec::new(),
     };
     judge.validate(&set, &used, !(free.is_empty() && request.of_log.is_empty()), progress)?;
-    let Judge { doubts, validation, traces, .. } = judge;
+    let Judge { mut doubts, validation, traces, .. } = judge;
     progress.reach(1.0);
 
+    let said = profiles(request, &findings, &effects, &targets, &mut doubts);
     let mut report = findings.report(&effects, &doubts, &targets, &known, !request.only.is_empty());
     for name in &free {
         report.parameters.insert(name.clone(), set.per_log(name, &targets));
@@ -215,6 +230,10 @@ pub fn fit(
         }
     }
     report.laws.clone_from(&set.laws);
+    let Said { profiles, notes, warnings } = said;
+    report.profiles = profiles;
+    report.notes.extend(notes);
+    report.warnings.extend(warnings);
     let known_values = request.known.iter().map(|(name, value, _)| (name.clone(), *value));
     Ok(FitReport {
         format_version: FORMAT_VERSION,

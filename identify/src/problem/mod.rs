@@ -78,6 +78,7 @@ pub mod known;
 mod log_set;
 pub mod noise;
 pub mod outliers;
+mod profiled;
 mod request;
 pub mod session;
 mod several;

@@ -37,6 +37,8 @@ pub struct FitRequest {
     pub residuals: bool,
     /// Parameters to fit (`--only`); empty means the vehicle's usual ones.
     pub only: Vec<String>,
+    /// Parameters whose profile is wanted (`--profile`).
+    pub profile: Vec<String>,
     /// Loss.
     pub loss: Loss,
     /// Refine the regression by output error.
@@ -87,6 +89,9 @@ impl FitRequest {
             return Err(unknown(name, "--per-log", targets));
         }
         let named = |name: &String| targets.iter().any(|target| target.name == *name);
+        if let Some(name) = self.profile.iter().find(|name| !named(name)) {
+            return Err(unknown(name, "--profile", targets));
+        }
         if let Some((name, _)) = self.varies.iter().find(|(name, _)| !named(name)) {
             return Err(unknown(name, "--varies", targets));
         }

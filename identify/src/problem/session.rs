@@ -3,12 +3,14 @@
 use super::findings::{Findings, Found};
 use super::imposed::{Given, Imposition, Knowledge, impose};
 use super::{FitError, FitRequest, Target};
-use crate::assess::{Limits, student};
+use crate::assess::Limits;
 use crate::progress::Progress;
 use crate::result::Delay;
-use crate::solve::{self, Accuracy, Loss, Options, Regression, Smooth, Solution, SolveError};
+use crate::solve::profile::{self, Curve, Function};
+use crate::solve::{self, Accuracy, Loss, Options, Regression, Smooth, Solution, SolveError, robust, student};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 /// A solution kept in the session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,11 +28,13 @@ pub struct Judgement {
     pub size: Option<f64>,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 struct Estimate {
     name: String,
     fit: usize,
     value: f64,
+    /// What it is of the unknowns.
+    of: Rc<Function>,
     /// Derivatives with respect to the unknowns of its solution.
     gradient: Vec<f64>,
     judgement: Judgement,
@@ -43,6 +47,10 @@ pub struct Session<'a> {
     options: Options,
     targets: &'a [Target],
     solutions: Vec<Solution>,
+    /// Parameters whose profile is wanted.
+    profiled: &'a [String],
+    /// For that the regressions, each with the number of its solution.
+    regressions: Vec<(usize, Regression, Options)>,
     impositions: Vec<Imposition>,
     estimates: Vec<Estimate>,
     delays: Vec<Delay>,
@@ -60,6 +68,8 @@ impl<'a> Session<'a> {
             options: Options { loss: request.loss, correct: request.correct, ..Options::default() },
             targets,
             solutions: Vec::new(),
+            profiled: &[],
+            regressions: Vec::new(),
             impositions: Vec::new(),
             estimates: Vec::new(),
             delays: Vec::new(),
@@ -96,6 +106,18 @@ impl<'a> Session<'a> {
         self
     }
 
+    /// The same with the profiles of these parameters.
+    pub(super) fn profiling(mut self, profiled: &'a [String]) -> Self {
+        self.profiled = profiled;
+        self
+    }
+
+    /// Whether the profile of a parameter is wanted: a refinement makes those of its unknowns, see
+    /// [`Smooth::profiled`](crate::solve::Smooth).
+    pub fn profiles(&self, name: &str) -> bool {
+        self.profiled.iter().any(|other| other == name)
+    }
+
     /// Whether the user asked to subtract the estimated bias.
     pub fn corrects(&self) -> bool {
         self.options.correct
@@ -121,7 +143,13 @@ impl<'a> Session<'a> {
         parameters: &[&str],
     ) -> Result<Option<Fitted>, FitError> {
         match solve::solve(regression, &options) {
-            Ok(solution) => Ok(Some(self.keep(solution))),
+            Ok(solution) => {
+                let fit = self.keep(solution);
+                if !self.profiled.is_empty() {
+                    self.regressions.push((fit.0, regression.clone(), options));
+                }
+                Ok(Some(fit))
+            }
             Err(
                 error
                 @ (SolveError::TooFewRows { .. } | SolveError::Singular { .. } | SolveError::Contradiction { .. }),
@@ -169,14 +197,20 @@ impl<'a> Session<'a> {
 
     /// Records a parameter as a smooth function of a solution's unknowns; a later record of the same
     /// name replaces it. A name that is not a target is ignored, so that nuisance parameters cost nothing.
-    pub fn estimate(&mut self, name: &str, fit: Fitted, of: impl Fn(&[f64]) -> f64) {
+    pub fn estimate(&mut self, name: &str, fit: Fitted, of: impl Fn(&[f64]) -> f64 + 'static) {
         self.estimate_judged(name, fit, Judgement::default(), of);
     }
 
     /// As [`estimate`](Self::estimate) with its own limits.
-    pub fn estimate_judged(&mut self, name: &str, fit: Fitted, judgement: Judgement, of: impl Fn(&[f64]) -> f64) {
-        let (value, gradient) = self.linearised(fit, of);
-        let estimate = Estimate { name: name.to_owned(), fit: fit.0, value, gradient, judgement };
+    pub fn estimate_judged(
+        &mut self,
+        name: &str,
+        fit: Fitted,
+        judgement: Judgement,
+        of: impl Fn(&[f64]) -> f64 + 'static,
+    ) {
+        let (value, gradient) = self.linearised(fit, &of);
+        let estimate = Estimate { name: name.to_owned(), fit: fit.0, value, of: Rc::new(of), gradient, judgement };
         self.estimates.retain(|other| other.name != name);
         self.given_up.remove(name);
         if self.targets.iter().any(|target| target.name == name) {
@@ -368,6 +402,48 @@ impl<'a> Session<'a> {
         }
     }
 
+    /// The profile of an estimate within a range: by refits with the weights of the fit, or, where values that are given
+    /// have moved its solution, by the solution's covariance.
+    pub(super) fn profile(&self, name: &str, range: (f64, f64)) -> Result<Option<(Curve, bool)>, FitError> {
+        let Some(estimate) = self.estimates.iter().find(|estimate| estimate.name == name) else { return Ok(None) };
+        let solution = &self.solutions[estimate.fit];
+        let (spread, _) = self.spread_and_bias(estimate);
+        if self.impositions.iter().any(|condition| condition.fit == estimate.fit) {
+            return Ok(profile::parabola(estimate.value, spread, range).map(|curve| (curve, false)));
+        }
+        let mut involved = (0..estimate.gradient.len()).filter(|i| estimate.gradient[*i] != 0.0);
+        if let (Some(index), None) = (involved.next(), involved.next())
+            && let Some((_, curve)) = solution.profiles.iter().find(|(other, _)| *other == index)
+        {
+            return Ok(Some((of_unknown(curve, &solution.theta, index, &*estimate.of), true)));
+        }
+        let Some((_, regression, options)) = self.regressions.iter().find(|(fit, ..)| *fit == estimate.fit) else {
+            return Ok(None);
+        };
+        let instrumented = regression.groups.iter().any(|group| !group.instruments.is_empty());
+        let form = if instrumented { profile::quadratic(regression, solution) } else { None };
+        let (regression, loss, scales) = match &form {
+            Some(form) => (form, Loss::Ls, vec![1.0]),
+            None if instrumented => return Ok(None),
+            None => (regression, options.loss, solution.scales.clone()),
+        };
+        let refit = |pull: Option<&profile::Pull>, _: &[f64]| {
+            let minimum = robust::minimise(regression, &scales, loss, options, pull)?;
+            let cost = profile::cost(regression, &scales, loss, &minimum.theta);
+            Ok((minimum.theta, cost))
+        };
+        let gradient = DVector::from_column_slice(&estimate.gradient);
+        let curve = profile::curve(&profile::Subject {
+            theta: &solution.theta,
+            of: &*estimate.of,
+            std: spread,
+            std_of_cost: gradient.dot(&(&solution.inverse_information * &gradient)).max(0.0).sqrt(),
+            range,
+            refit: &refit,
+        })?;
+        Ok(curve.map(|curve| (curve, true)))
+    }
+
     /// All that was found, for the report.
     pub(super) fn findings(&self) -> Findings {
         let target = |estimate: &Estimate| self.targets.iter().find(|target| target.name == estimate.name);
@@ -391,6 +467,7 @@ impl<'a> Session<'a> {
             found: kept.iter().map(|(estimate, target)| self.found(estimate, target.range)).collect(),
             covariance,
             delays: self.delays.clone(),
+            profiles: Vec::new(),
             decisions: self.decisions.clone(),
             given_up: self.given_up.clone(),
             warnings: self.warnings.clone(),
@@ -401,4 +478,26 @@ impl<'a> Session<'a> {
             corrected: self.options.correct,
         }
     }
+}
+
+/// The profile of a monotone function of one unknown, from that of the unknown.
+fn of_unknown(curve: &Curve, theta: &[f64], index: usize, of: &Function) -> Curve {
+    let mut moved = theta.to_vec();
+    let mut map = |value: f64| {
+        moved[index] = value;
+        if value.is_finite() { of(&moved) } else { value }
+    };
+    let mut mapped = Curve {
+        value: curve.value.iter().map(|value| map(*value)).collect(),
+        crossings: curve.crossings.map(|ends| ends.map(&mut map)),
+        better: curve.better.map(&mut map),
+        ..curve.clone()
+    };
+    if mapped.value.first() > mapped.value.last() {
+        mapped.value.reverse();
+        mapped.statistic.reverse();
+        mapped.crossings.iter_mut().for_each(|ends| ends.reverse());
+        mapped.ends.reverse();
+    }
+    mapped
 }

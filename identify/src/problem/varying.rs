@@ -13,9 +13,9 @@
 //! follows through its covariance with them.
 
 use super::findings::{Findings, Found};
-use crate::assess::student;
 use crate::result::Law;
 use crate::solve::covariance::inverse;
+use crate::solve::student;
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeSet;
 
@@ -298,6 +298,7 @@ fn findings(logs: &[&Findings], design: &Design, squares: &GeneralisedLeastSquar
         almost: logs.iter().any(|log| log.almost),
         corrected: logs.iter().all(|log| log.corrected),
         delays: logs.iter().flat_map(|log| &log.delays).cloned().collect(),
+        profiles: Vec::new(),
         decisions: logs.iter().flat_map(|log| log.decisions.clone()).collect(),
         given_up: Default::default(),
         found,

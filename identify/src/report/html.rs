@@ -30,6 +30,7 @@ struct Page<'a> {
     summary: String,
     rows: Vec<ParameterRow>,
     intervals: Option<String>,
+    profiles: Vec<String>,
     correlation: String,
     condition: String,
     held_out: String,
@@ -85,6 +86,11 @@ pub fn html(report: &FitReport) -> Result<String, HtmlError> {
         samples: signal.samples,
         correlation: significant(signal.residual_correlation, 2),
     });
+    let profiles: Result<Vec<_>, PlotError> = report
+        .profiles
+        .iter()
+        .map(|of| plot::profile(of, report.parameters.get(&of.parameter).map_or("1", |p| &p.unit)))
+        .collect();
     let drawn = order(&report.traces);
     let left_out = drawn.len().saturating_sub(DRAWN);
     let traces: Result<Vec<_>, PlotError> = drawn.into_iter().take(DRAWN).map(draw).collect();
@@ -93,6 +99,7 @@ pub fn html(report: &FitReport) -> Result<String, HtmlError> {
         summary: table::summary(report),
         rows: rows.collect(),
         intervals: plot::intervals(report)?,
+        profiles: profiles?,
         correlation: report.correlation_worst_pair.as_ref().map_or(String::new(), |p| format!("{:+.3}", p.correlation)),
         condition: significant(report.condition_number, 3),
         held_out: format!("{:.0}", 100.0 * report.validation.held_out),

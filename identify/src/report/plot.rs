@@ -1,6 +1,6 @@
 //! The plots of the report page, as SVG text.
 
-use crate::result::{FitReport, Trace, Verdict};
+use crate::result::{FitReport, Profile, Trace, Verdict};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::ops::Range;
@@ -233,6 +233,58 @@ pub fn intervals(report: &FitReport) -> Result<Option<String>, PlotError> {
         Ok(())
     })
     .map(Some)
+}
+
+/// The statistic of a profile over the parameter's value, the parabola by the standard error, and the levels of 95 % and
+/// 99.7 %.
+pub fn profile(profile: &Profile, unit: &str) -> Result<String, PlotError> {
+    const TOP: f64 = 12.0;
+    let (low, high) = range(profile.values.iter().copied(), 0.05);
+    let label = if unit == "1" { profile.parameter.clone() } else { format!("{}, {unit}", profile.parameter) };
+    drawn((860, 250), |area| {
+        let mut chart = ChartBuilder::on(area)
+            .margin(8)
+            .margin_right(16)
+            .x_label_area_size(34)
+            .y_label_area_size(62)
+            .build_cartesian_2d(low..high, 0.0..TOP)?;
+        chart
+            .configure_mesh()
+            .light_line_style(WHITE)
+            .bold_line_style(GRID)
+            .axis_style(GREY)
+            .x_labels(8)
+            .x_label_formatter(&|x| plain(*x))
+            .y_labels(6)
+            .label_style(("sans-serif", 12, &INK))
+            .x_desc(label)
+            .y_desc("statistic")
+            .draw()?;
+        for (level, name) in [(3.841_459, "95 %"), (8.807_469, "99.7 %")] {
+            chart.draw_series([PathElement::new(vec![(low, level), (high, level)], AMBER.stroke_width(1))])?;
+            let (x, y) = chart.backend_coord(&(low, level));
+            area.draw_text(name, &("sans-serif", 12, &AMBER).into_text_style(area), (x + 6, y - 15))?;
+        }
+        let parabola = (0..=200).map(|k| low + (high - low) * f64::from(k) / 200.0);
+        let parabola = parabola.map(|v| (v, ((v - profile.estimate) / profile.std).powi(2))).filter(|(_, d)| *d <= TOP);
+        chart
+            .draw_series(LineSeries::new(parabola, GREY.stroke_width(1)))?
+            .label("by the standard error")
+            .legend(|(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], GREY.stroke_width(2)));
+        let points = || profile.values.iter().copied().zip(profile.statistic.iter().map(|d| d.min(TOP)));
+        chart
+            .draw_series(LineSeries::new(points(), BLUE.stroke_width(2)))?
+            .label(if profile.refitted { "by refits" } else { "by the covariance" })
+            .legend(|(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], BLUE.stroke_width(2)));
+        chart.draw_series(points().map(|point| Circle::new(point, 2, BLUE.filled())))?;
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::UpperMiddle)
+            .background_style(WHITE.mix(0.85))
+            .label_font(("sans-serif", 12, &INK))
+            .draw()?;
+        Ok(())
+    })
 }
 
 /// A number at an axis: no trailing zeros, no negative zero.

@@ -83,6 +83,7 @@ pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options,
         accuracy: minimiser.accuracy,
         theta,
         cost: Vec::new(),
+        profiles: Vec::new(),
     }
 }
 

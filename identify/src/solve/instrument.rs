@@ -98,6 +98,7 @@ pub fn solve(regression: &Regression) -> Result<Solution, SolveError> {
         degrees_of_freedom,
         noise_share: vec![0.0; n],
         cost: Vec::new(),
+        profiles: Vec::new(),
         accuracy: minimum.accuracy,
         covariance,
         at_bound,

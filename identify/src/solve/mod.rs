@@ -27,10 +27,13 @@ mod contradiction;
 pub mod covariance;
 pub mod instrument;
 pub mod polish;
+pub mod profile;
 pub mod refine;
 pub mod robust;
+pub mod student;
 
 pub use refine::{Smooth, SmoothGroup, Trust, TrustNorm, refine};
+pub use student::student;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -235,6 +238,16 @@ impl Loss {
             Self::L1 => "l1",
         }
     }
+
+    /// Cost of a residual in standard deviations.
+    pub(crate) fn of(self, r: f64) -> f64 {
+        match self {
+            Self::Ls => 0.5 * r * r,
+            Self::L1 => r.abs(),
+            Self::Huber if r.abs() <= HUBER_DELTA => 0.5 * r * r,
+            Self::Huber => HUBER_DELTA * (r.abs() - 0.5 * HUBER_DELTA),
+        }
+    }
 }
 
 /// Threshold of the Huber loss in standard deviations: 95 % efficiency under normal noise.
@@ -355,6 +368,8 @@ pub struct Solution {
     pub accuracy: Accuracy,
     /// Cost after each accepted step of a refinement; one value for a regression.
     pub cost: Vec<f64>,
+    /// Profiles of unknowns of a refinement, see [`Smooth::profiled`].
+    pub profiles: Vec<(usize, profile::Curve)>,
 }
 
 impl Solution {
@@ -395,7 +410,7 @@ fn solve_within(regression: &Regression, options: &Options) -> Result<Solution, 
         regression.groups.iter().map(|group| if let Scale::Known(scale) = group.scale { scale } else { 1.0 }).collect();
     if regression.groups.iter().any(|group| group.scale == Scale::Robust) {
         for _ in 0..options.scale_passes {
-            let first = robust::minimise(regression, &scales, Loss::Ls, options)?;
+            let first = robust::minimise(regression, &scales, Loss::Ls, options, None)?;
             for (group, scale) in regression.groups.iter().zip(&mut scales) {
                 if group.scale == Scale::Robust && !group.is_empty() {
                     *scale = robust::deviation(&group.residuals(&first.theta), &group.y);
@@ -403,7 +418,7 @@ fn solve_within(regression: &Regression, options: &Options) -> Result<Solution, 
             }
         }
     }
-    let minimum = robust::minimise(regression, &scales, options.loss, options)?;
+    let minimum = robust::minimise(regression, &scales, options.loss, options, None)?;
     Ok(covariance::of_regression(regression, &scales, options, minimum))
 }
 

@@ -6,8 +6,8 @@
 //! Equations: Gauss-Newton with Huber rows, one convex program per step.
 
 use super::{
-    Affine, Constraint, HUBER_DELTA, Loss, Options, Regression, Rows, Scale, Solution, SolveError, Unknown, covariance,
-    robust,
+    Affine, Constraint, Loss, Options, Regression, Rows, Scale, Solution, SolveError, Unknown, covariance, profile,
+    robust, student,
 };
 use crate::progress::Progress;
 use rayon::prelude::*;
@@ -82,6 +82,8 @@ pub struct Smooth<'a> {
     pub fuller: Option<&'a Residuals<'a>>,
     /// Subtract the bias that this causes.
     pub correct: bool,
+    /// The unknowns whose [`profile`] is wanted.
+    pub profiled: Vec<usize>,
     /// Where to tell how far it is.
     pub progress: Progress,
 }
@@ -92,6 +94,8 @@ const STEPS: usize = 15;
 const ATTEMPTS: usize = 6;
 /// A smaller relative fall of the cost ends a pass.
 const TOLERANCE: f64 = 1e-6;
+/// The same for the refits of a profile, whose differences count.
+const PROFILE_TOLERANCE: f64 = 1e-9;
 
 /// Minimises the robust cost of smooth residuals.
 ///
@@ -99,7 +103,7 @@ const TOLERANCE: f64 = 1e-6;
 /// finite counts as infinitely bad. The covariance is the sandwich at the end point; it does not
 /// know of errors of the simulated model itself.
 pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
-    let mut theta: Vec<f64> = problem
+    let start: Vec<f64> = problem
         .start
         .iter()
         .zip(&problem.unknowns)
@@ -107,7 +111,8 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
         .collect();
     let mut scales: Vec<f64> =
         problem.groups.iter().map(|group| if let Scale::Known(scale) = group.scale { scale } else { 1.0 }).collect();
-    let mut current = (problem.residuals)(&theta);
+    let mut point =
+        Descended { residuals: (problem.residuals)(&start), theta: start, accuracy: super::Accuracy::Solved };
     let diverged = || SolveError::Diverged { regression: problem.name.clone() };
     let rescale = |residuals: &[Vec<f64>], scales: &mut [f64]| {
         for ((group, residuals), scale) in problem.groups.iter().zip(residuals).zip(scales) {
@@ -117,62 +122,22 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
             }
         }
     };
-    if current.iter().flatten().any(|r| r.is_infinite()) || !current.iter().flatten().any(|r| r.is_finite()) {
+    let first = &point.residuals;
+    if first.iter().flatten().any(|r| r.is_infinite()) || !first.iter().flatten().any(|r| r.is_finite()) {
         return Err(diverged());
     }
-    let present: Vec<usize> = current.iter().map(|group| group.iter().filter(|r| r.is_finite()).count()).collect();
     let mut costs = Vec::new();
-    let mut accuracy = super::Accuracy::Solved;
-    let options = Options { loss, correct: problem.correct, ..Options::default() };
     let passes = problem.passes.max(1);
     for pass in 0..passes {
-        rescale(&current, &mut scales);
-        let mut trust = problem.trust.radius;
-        let mut value = cost(problem, &current, &scales, &theta, loss);
-        costs.push(value);
-        for step in 0..STEPS {
-            let progress = problem.progress.piece(pass, passes).piece(step, STEPS);
-            let jacobian = jacobian(problem, &theta, &current, &progress);
-            let before = value;
-            for _ in 0..ATTEMPTS {
-                let step = linearised(problem, &theta, &current, &jacobian, trust, None);
-                let minimum = robust::minimise(&step, &scales, loss, &options)?;
-                if minimum.accuracy != super::Accuracy::Solved {
-                    accuracy = minimum.accuracy;
-                }
-                let trial: Vec<f64> = theta
-                    .iter()
-                    .zip(&minimum.theta)
-                    .zip(&problem.unknowns)
-                    .map(|((from, step), unknown)| (from + step).clamp(unknown.lower, unknown.upper))
-                    .collect();
-                let predicted: Vec<Vec<f64>> =
-                    step.groups.iter().map(|group| group.residuals(&minimum.theta)).collect();
-                let fall = value - cost(problem, &predicted, &scales, &trial, loss);
-                let residuals = (problem.residuals)(&trial);
-                let complete = residuals
-                    .iter()
-                    .zip(&present)
-                    .all(|(group, count)| group.iter().filter(|r| r.is_finite()).count() == *count);
-                let reached = if complete { cost(problem, &residuals, &scales, &trial, loss) } else { f64::INFINITY };
-                if reached < value && value - reached >= problem.trust.accept * fall {
-                    theta = trial;
-                    current = residuals;
-                    value = reached;
-                    costs.push(value);
-                    trust = (2.0 * trust).min(problem.trust.largest);
-                    break;
-                }
-                trust *= 0.25;
-            }
-            if before - value < TOLERANCE * before {
-                break;
-            }
-        }
+        rescale(&point.residuals, &mut scales);
+        let progress = problem.progress.piece(pass, passes);
+        let descent = Descent { problem, scales: &scales, loss, pull: None, tolerance: TOLERANCE, progress };
+        point = descent.from(point, &mut costs)?;
     }
-    let jacobian = jacobian(problem, &theta, &current, &problem.progress);
+    let Descended { theta, residuals, accuracy } = point;
+    let jacobian = jacobian(problem, &theta, &residuals, &problem.progress);
     let fuller = problem.fuller.map(|fuller| fuller(&theta));
-    let end = linearised(problem, &theta, &current, &jacobian, f64::INFINITY, fuller.as_deref());
+    let end = linearised(problem, &theta, &residuals, &jacobian, f64::INFINITY, fuller.as_deref());
     let at_bound = theta
         .iter()
         .zip(&problem.unknowns)
@@ -182,23 +147,130 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
         })
         .collect();
     let minimiser = robust::Minimiser { theta: vec![0.0; theta.len()], at_bound, accuracy };
+    let options = Options { loss, correct: problem.correct, ..Options::default() };
     let mut solution = covariance::of_regression(&end, &scales, &options, minimiser);
     solution.theta.iter_mut().zip(&theta).for_each(|(step, value)| *step += value);
     solution.cost = costs;
+    for index in problem.profiled.iter().copied() {
+        if let Some(curve) = profile(problem, &solution, index, loss)? {
+            solution.profiles.push((index, curve));
+        }
+    }
     Ok(solution)
 }
 
-fn cost(problem: &Smooth, residuals: &[Vec<f64>], scales: &[f64], theta: &[f64], loss: Loss) -> f64 {
-    let rho = |r: f64| match loss {
-        Loss::Ls => 0.5 * r * r,
-        Loss::L1 => r.abs(),
-        Loss::Huber if r.abs() <= HUBER_DELTA => 0.5 * r * r,
-        Loss::Huber => HUBER_DELTA * (r.abs() - 0.5 * HUBER_DELTA),
+/// The profile of one unknown with the weights of the answer and the inflation by its covariance.
+pub fn profile(
+    problem: &Smooth,
+    solution: &Solution,
+    index: usize,
+    loss: Loss,
+) -> Result<Option<profile::Curve>, SolveError> {
+    let refit = |pull: Option<&profile::Pull>, from: &[f64]| {
+        let progress = Progress::none();
+        let descent = Descent { problem, scales: &solution.scales, loss, pull, tolerance: PROFILE_TOLERANCE, progress };
+        let clamped =
+            from.iter().zip(&problem.unknowns).map(|(value, unknown)| value.clamp(unknown.lower, unknown.upper));
+        let theta: Vec<f64> = clamped.collect();
+        let residuals = (problem.residuals)(&theta);
+        if !residuals.iter().flatten().any(|r| r.is_finite()) {
+            return Err(SolveError::Diverged { regression: problem.name.clone() });
+        }
+        let point = Descended { residuals, theta, accuracy: super::Accuracy::Solved };
+        let end = descent.from(point, &mut Vec::new())?;
+        let least = cost(problem, &end.residuals, &solution.scales, &end.theta, loss);
+        Ok((end.theta, least))
     };
+    let std = |variance: f64| variance.max(0.0).sqrt();
+    profile::curve(&profile::Subject {
+        theta: &solution.theta,
+        of: &move |theta| theta[index],
+        std: std(solution.covariance[(index, index)]) * student(solution.degrees_of_freedom),
+        std_of_cost: std(solution.inverse_information[(index, index)]),
+        range: (problem.unknowns[index].lower, problem.unknowns[index].upper),
+        refit: &refit,
+    })
+}
+
+/// One descent with fixed weights, perhaps pulled.
+struct Descent<'a> {
+    problem: &'a Smooth<'a>,
+    scales: &'a [f64],
+    loss: Loss,
+    pull: Option<&'a profile::Pull>,
+    tolerance: f64,
+    progress: Progress,
+}
+
+/// A point of a descent.
+struct Descended {
+    theta: Vec<f64>,
+    residuals: Vec<Vec<f64>>,
+    accuracy: super::Accuracy,
+}
+
+impl Descent<'_> {
+    fn cost(&self, residuals: &[Vec<f64>], theta: &[f64]) -> f64 {
+        cost(self.problem, residuals, self.scales, theta, self.loss) + self.pull.map_or(0.0, |pull| pull.cost(theta))
+    }
+
+    /// Descends from a point; `costs` gets the cost there and after each step.
+    fn from(&self, start: Descended, costs: &mut Vec<f64>) -> Result<Descended, SolveError> {
+        let problem = self.problem;
+        let options = Options { loss: self.loss, ..Options::default() };
+        let mut point = start;
+        let count = |residuals: &[Vec<f64>]| -> Vec<usize> {
+            residuals.iter().map(|group| group.iter().filter(|r| r.is_finite()).count()).collect()
+        };
+        let present = count(&point.residuals);
+        let mut trust = problem.trust.radius;
+        let mut value = self.cost(&point.residuals, &point.theta);
+        costs.push(value);
+        for step in 0..STEPS {
+            let jacobian = jacobian(problem, &point.theta, &point.residuals, &self.progress.piece(step, STEPS));
+            let before = value;
+            for _ in 0..ATTEMPTS {
+                let step = linearised(problem, &point.theta, &point.residuals, &jacobian, trust, None);
+                let pull = self.pull.map(|pull| pull.from(&point.theta));
+                let minimum = robust::minimise(&step, self.scales, self.loss, &options, pull.as_ref())?;
+                if minimum.accuracy != super::Accuracy::Solved {
+                    point.accuracy = minimum.accuracy;
+                }
+                let trial: Vec<f64> = point
+                    .theta
+                    .iter()
+                    .zip(&minimum.theta)
+                    .zip(&problem.unknowns)
+                    .map(|((from, step), unknown)| (from + step).clamp(unknown.lower, unknown.upper))
+                    .collect();
+                let predicted: Vec<Vec<f64>> =
+                    step.groups.iter().map(|group| group.residuals(&minimum.theta)).collect();
+                let fall = value - self.cost(&predicted, &trial);
+                let residuals = (problem.residuals)(&trial);
+                let complete = count(&residuals) == present;
+                let reached = if complete { self.cost(&residuals, &trial) } else { f64::INFINITY };
+                if reached < value && value - reached >= problem.trust.accept * fall {
+                    (point.theta, point.residuals) = (trial, residuals);
+                    value = reached;
+                    costs.push(value);
+                    trust = (2.0 * trust).min(problem.trust.largest);
+                    break;
+                }
+                trust *= 0.25;
+            }
+            if before - value < self.tolerance * before {
+                break;
+            }
+        }
+        Ok(point)
+    }
+}
+
+fn cost(problem: &Smooth, residuals: &[Vec<f64>], scales: &[f64], theta: &[f64], loss: Loss) -> f64 {
     let rows: f64 = residuals
         .iter()
         .zip(scales)
-        .map(|(group, scale)| group.iter().filter(|r| !r.is_nan()).map(|r| rho(r / scale)).sum::<f64>())
+        .map(|(group, scale)| group.iter().filter(|r| !r.is_nan()).map(|r| loss.of(r / scale)).sum::<f64>())
         .sum();
     let priors: f64 = problem
         .unknowns

@@ -9,6 +9,7 @@
 use super::compress::Compressor;
 use super::conic::{self, Feasible};
 use super::polish::{self, Minimum};
+use super::profile::Pull;
 use super::{Accuracy, HUBER_DELTA, Loss, Options, Regression, SolveError, dot};
 
 /// The minimiser of a regression's cost in its own units.
@@ -57,7 +58,7 @@ struct Scaled {
 }
 
 impl Scaled {
-    fn new(regression: &Regression, scales: &[f64]) -> Self {
+    fn new(regression: &Regression, scales: &[f64], pull: Option<&Pull>) -> Self {
         let n = regression.unknowns.len();
         let rows: usize = regression.groups.iter().map(super::Rows::len).sum();
         let (mut a, mut y) = (Vec::with_capacity(rows * n), Vec::with_capacity(rows));
@@ -87,7 +88,11 @@ impl Scaled {
             row[index] = 1.0 / (std * column[index]);
             Some((row, mean / std))
         });
-        let priors = priors.collect();
+        let mut priors: Vec<_> = priors.collect();
+        priors.extend(pull.map(|pull| {
+            let row = pull.row.iter().zip(&column).map(|(factor, scale)| factor / (pull.std * scale)).collect();
+            (row, pull.value / pull.std)
+        }));
         Self { unknowns: n, a, y, column, priors }
     }
 
@@ -125,14 +130,16 @@ impl Scaled {
     }
 }
 
-/// Minimises a loss over a regression whose groups have the noise levels `scales`.
+/// Minimises a loss over a regression whose groups have the noise levels `scales`, with one more quadratic row if something
+/// pulls.
 pub fn minimise(
     regression: &Regression,
     scales: &[f64],
     loss: Loss,
     options: &Options,
+    pull: Option<&Pull>,
 ) -> Result<Minimiser, SolveError> {
-    let scaled = Scaled::new(regression, scales);
+    let scaled = Scaled::new(regression, scales, pull);
     let bounds: Vec<_> = regression.unknowns.iter().map(|unknown| (unknown.lower, unknown.upper)).collect();
     let feasible = Feasible::new(&bounds, &regression.constraints, &scaled.column);
     let name = &regression.name;

@@ -126,6 +126,7 @@ fn refinement_matches_the_reference() {
         efficiency: false,
         loss: Loss::Huber,
         correct: false,
+        profiled: [false; 3],
         progress: &Progress::none(),
     };
     let segment = Segment { signals: &signals, samples: 0..1500 };

@@ -265,7 +265,7 @@ fn the_fit_is_as_good_as_an_independent_least_squares() {
         let found = axles(&log, &p).unwrap();
         let instants: Vec<_> = found.instants.iter().map(|instant| (0, instant)).collect();
         for axle in 0..2 {
-            let fit = solve(&p, &instants, axle, &pair, [true; 4], Loss::Huber, &Progress::none()).unwrap();
+            let fit = solve(&p, &instants, axle, &pair, [true; 4], [false; 4], Loss::Huber, &Progress::none()).unwrap();
             let known = pair[axle];
             let other =
                 |i: &Instant, wheel: usize| tire_force(&theta_of(&pair[0]), &pair[0], i.slip[wheel], i.load[wheel]);

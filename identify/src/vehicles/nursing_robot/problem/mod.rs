@@ -334,6 +334,7 @@ fn output_error(
         efficiency: task.wants(EFFICIENCY),
         loss: session.loss(),
         correct: session.corrects() && segments.iter().all(|segment| !segment.signals.roll.is_empty()),
+        profiled: PITCH.map(|name| session.profiles(name)),
         progress: &session.progress,
     };
     let refined = refine::refine(&segments, body, &start, &setup)?;
@@ -410,7 +411,7 @@ fn mass(
         true => ACCELEROMETER_BIAS / GRAVITY,
         false => FLOOR_SLOPE,
     };
-    session.estimate_judged(ROLLING, fit, level_floor(systematic_std), |x| x[0] / (x[1] + other));
+    session.estimate_judged(ROLLING, fit, level_floor(systematic_std), move |x| x[0] / (x[1] + other));
     if unknowns == Drive::RollingRobotDrag {
         session.estimate(DRAG, fit, |x| x[2]);
     }

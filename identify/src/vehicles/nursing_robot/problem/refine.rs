@@ -35,6 +35,8 @@ pub struct Setup<'a> {
     pub loss: Loss,
     /// Whether to subtract the bias that roll while turning causes.
     pub correct: bool,
+    /// Whether the profiles of stiffness, damping and rest angle are wanted.
+    pub profiled: [bool; 3],
     /// Where to tell how far it is.
     pub progress: &'a Progress,
 }
@@ -127,6 +129,11 @@ pub fn refine(segments: &[Segment], body: &Body, start: &Passive, setup: &Setup)
         passes: 1,
         fuller: turns.then_some(&with_turning),
         correct: setup.correct,
+        profiled: [Some(0), Some(1), rest_index]
+            .into_iter()
+            .zip(setup.profiled)
+            .filter_map(|(index, wanted)| index.filter(|_| wanted))
+            .collect(),
         progress: setup.progress.clone(),
     };
     let solution = minimise(&smooth, setup.loss)?;

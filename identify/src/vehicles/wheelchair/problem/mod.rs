@@ -106,7 +106,7 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     session.estimate_judged("chair.yaw_drag", fit, usual, |x| x[B]);
     session.estimate_judged("chair.yaw_friction", fit, usual, |x| x[TAUC]);
     // The cosine of a slope that a chair can climb is 1 to within 1 %.
-    session.estimate_judged("rolling.coefficient", fit, usual, |x| x[FC] / (x[M] * gravity));
+    session.estimate_judged("rolling.coefficient", fit, usual, move |x| x[FC] / (x[M] * gravity));
     // A bias may well be zero: it is judged by its absolute error.
     let bias = Judgement { limits: Limits { absolute_error: Some(0.05), ..limits }, ..Judgement::default() };
     session.estimate_judged(ACCEL_X_BIAS, fit, bias, |x| -x[C1] / x[M]);

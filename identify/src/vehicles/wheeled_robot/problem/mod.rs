@@ -140,8 +140,9 @@ fn tire(
     }
     let prior = pair[axle];
     let (loss, progress) = (session.loss(), session.progress.clone());
-    let solve = |free: [bool; 4]| solve(p, &instants, axle, pair, free, loss, &progress);
-    let all = solve([true; 4])?;
+    let profiled: [bool; 4] = std::array::from_fn(|i| session.profiles(&name(axle, i)));
+    let solve = |free: [bool; 4], profiled| solve(p, &instants, axle, pair, free, profiled, loss, &progress);
+    let all = solve([true; 4], [false; 4])?;
     let theta: [f64; 4] = std::array::from_fn(|i| all.theta[i]);
     let fitted = with(&prior, &theta);
     let (bend, reach) = reach(p, &fitted, &instants, axle);
@@ -153,7 +154,7 @@ fn tire(
     let curvature = decide("curvature is seen", near_peak && all.std(3) < CURVATURE && !all.at_bound[3]);
     let free = [true, shape, near_peak || contradicted, curvature];
     let with_all = [all.theta[0].exp(), all.theta[2].exp()];
-    let fit = if free == [true; 4] { all } else { solve(free)? };
+    let fit = if free == [true; 4] && profiled == [false; 4] { all } else { solve(free, profiled)? };
     // what the known values of the others pull the stiffness by
     let kept = (0..4).filter(|i| free[*i]).position(|i| i == 2);
     let pull = [0, 1].map(|i| {
@@ -218,13 +219,16 @@ fn reach(p: &Parameters, tire: &Tire, instants: &[(usize, &Instant)], axle: usiz
 }
 
 /// One fit of the unknowns `(ln K0, C, ln mu0, E)` of an axle's tyres to instants, each with the number of its
-/// log; `pair` holds the known values. Unknowns that are not free keep these and are left out.
+/// log; `pair` holds the known values. Unknowns that are not free keep these and are left out; the profiles of some of the
+/// others may be wanted.
+#[allow(clippy::too_many_arguments, reason = "what is fitted, to what and how")]
 pub fn solve(
     p: &Parameters,
     instants: &[(usize, &Instant)],
     axle: usize,
     pair: &[Tire; 2],
     free: [bool; 4],
+    profiled: [bool; 4],
     loss: Loss,
     progress: &Progress,
 ) -> Result<Solution, SolveError> {
@@ -271,6 +275,7 @@ pub fn solve(
         passes: 3,
         fuller: None,
         correct: false,
+        profiled: (0..kept.len()).filter(|place| profiled[kept[*place]]).collect(),
         progress: progress.clone(),
     };
     refine(&problem, loss)
