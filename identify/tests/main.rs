@@ -10,6 +10,7 @@ mod cli;
 mod convert;
 mod coverage;
 mod profile;
+mod ranges;
 mod report;
 mod run;
 mod sixth_machine;

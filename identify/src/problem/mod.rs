@@ -149,9 +149,9 @@ impl Target {
         self
     }
 
-    /// The same within a narrower range.
+    /// The same within a narrower range; what the declaration excludes stays excluded.
     pub fn within(mut self, low: f64, high: f64) -> Self {
-        self.range = (low, high);
+        self.range = (low.max(self.range.0), high.min(self.range.1));
         self
     }
 }

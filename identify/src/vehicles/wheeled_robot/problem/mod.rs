@@ -31,7 +31,7 @@ use std::f64::consts::{LN_2, LN_10};
 use wheelstate::Variables;
 use wheelstate::estimator::wheeled_robot::Parameters;
 use wheelstate::model::tire::{Tire, Tires};
-use wheelstate::model::wheeled_robot::WheeledRobot;
+use wheelstate::model::wheeled_robot::{GRAVITY, WheeledRobot};
 
 /// The problem.
 pub const PROBLEM: Problem = Problem { targets, estimate, validate };
@@ -41,6 +41,8 @@ const TIRE: [&str; 4] = ["stiffness", "shape", "friction", "curvature"];
 const ROLLING: &str = "rolling.coefficient";
 /// Ranges of the unknowns `(ln K0, C, ln mu0, E)`: K0 from 10 to 1e7 N/rad, mu0 from 0.05 to 2.
 const RANGES: [(f64, f64); 4] = [(LN_10, 7.0 * LN_10), (1.0, 2.2), (-LN_2 - LN_10, LN_2), (-5.0, 0.95)];
+/// What the regression of the rolling coefficient may find, so that a value below its range shows itself.
+const ROLLING_RANGE: (f64, f64) = (-0.2, 0.5);
 /// Standard deviations of the priors of `C` and `E`.
 const PRIOR_STD: [f64; 4] = [f64::INFINITY, 0.3, f64::INFINITY, 1.0];
 /// Largest standard error of an identified parameter, relative; of the curvature absolute.
@@ -73,7 +75,7 @@ fn targets(_: &[Log]) -> Vec<Target> {
             if parameter == 0 { target } else { target.optional().contested() }
         })
     };
-    let rolling = Target::declared(&declared, ROLLING, true).within(-0.2, 0.5);
+    let rolling = Target::declared(&declared, ROLLING, true).within(0.0, ROLLING_RANGE.1).optional();
     let width =
         |axle: &str| WIDTHS.map(|(_, w, _)| Target::declared(&declared, &format!("tire.{axle}.{w}"), true).optional());
     tire(0).chain(tire(1)).chain(AXLES.into_iter().flat_map(width)).chain([rolling]).collect()
@@ -100,7 +102,7 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     sources.dedup();
     session.note(format!("longitudinal wheel forces from {}", sources.join("; and from ")));
     if task.wants(ROLLING) {
-        rolling(&logs, session)?;
+        rolling(task, &logs, session)?;
     }
     Ok(())
 }
@@ -319,7 +321,7 @@ fn record(axle: usize, free: [bool; 4], fit: Fitted, flattening: f64, pull: [f64
 }
 
 /// Rolling resistance from the force that torques make and acceleration does not show.
-fn rolling(logs: &[Axles], session: &mut Session) -> Result<(), FitError> {
+fn rolling(task: &Task, logs: &[Axles], session: &mut Session) -> Result<(), FitError> {
     let mut rows = Rows::new("longitudinal balance", "N", 1);
     let mut first = 0;
     for log in logs {
@@ -335,7 +337,7 @@ fn rolling(logs: &[Axles], session: &mut Session) -> Result<(), FitError> {
     }
     let regression = Regression {
         name: "longitudinal balance".to_owned(),
-        unknowns: vec![Unknown::within(ROLLING, -0.2, 0.5)],
+        unknowns: vec![Unknown::within(ROLLING, ROLLING_RANGE.0, ROLLING_RANGE.1)],
         groups: vec![rows],
         constraints: Vec::new(),
     };
@@ -344,6 +346,13 @@ fn rolling(logs: &[Axles], session: &mut Session) -> Result<(), FitError> {
         let limits = Limits { absolute_error: Some(0.003), ..Limits::default() };
         let judgement = Judgement { limits, systematic_std: 0.001, ..Judgement::default() };
         session.estimate_judged(ROLLING, fit, judgement, |theta| theta[0]);
+        let (value, std) = (session.value(ROLLING), session.std_error(ROLLING));
+        let std = std.unwrap_or(0.0).hypot(task.quality("accel_x").bias / GRAVITY);
+        // Beyond that it stays what it is: below its range, where it contradicts the model.
+        let unseen = value.is_some_and(|value| value <= 0.0 && value > -2.0 * std);
+        if session.decide("the rolling resistance is too small to be seen", unseen) {
+            session.retract(ROLLING, "the resistance is too small to be told from that of a biased accelerometer");
+        }
     }
     Ok(())
 }
