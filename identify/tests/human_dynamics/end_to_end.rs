@@ -177,6 +177,28 @@ fn the_passive_joints_of_a_seated_person_are_fitted_and_covered() {
     assert!(covered * 10 >= count * 7, "{covered} of {count} intervals hold the truth");
 }
 
+/// A late force on a hand biases the arms' springs and shows in nothing but the torques of the arms.
+#[test]
+fn forces_on_the_hands_that_arrive_late_are_named() {
+    let log = human_dynamics::VEHICLE.simulate(&request("seated-braking", 11, &[])).unwrap();
+    let told = |log: Log| -> Vec<String> {
+        let report = human_dynamics::VEHICLE.fit(&[log], &FitRequest::default(), &Progress::none()).unwrap();
+        report.warnings.into_iter().filter(|line| line.contains("later than the motion")).collect()
+    };
+    let mut late = log.clone();
+    let samples = (0.05 / log.period()).round() as usize;
+    for channel in late.channels.iter_mut().filter(|channel| channel.name.contains("_hand_")) {
+        let old = channel.values.clone();
+        channel.values = (0..old.len()).map(|k| old[k.saturating_sub(samples)]).collect();
+    }
+    let found = told(late);
+    let words = "the forces on the hands arrive about ";
+    let line = found.iter().find(|line| line.starts_with(words)).unwrap_or_else(|| panic!("{found:?}"));
+    let ms: f64 = line[words.len()..].split_whitespace().next().unwrap().parse().unwrap();
+    assert!((ms - 50.0).abs() < 20.0, "{line}");
+    assert_eq!(told(log), Vec::<String>::new());
+}
+
 /// Without hand and foot sensors the arms' and legs' torques are not known, and the fit says so.
 #[test]
 fn unobservable_joints_are_not_fitted() {

@@ -5,14 +5,17 @@
 //! `stiffness * rest`. The torque is not measured: it comes from the estimator of the seated body,
 //! run over the log with the sensors that the log has (`use.*` set by the user override that), or
 //! from columns `tau_<joint>`, such as `identify estimate` writes, for any body.
-
+//!
+//! Nothing else in a log says when a force on a hand acted, so a late one shows only in the torques: to first order they are
+//! off by `-delay S` with `S` the change of a torque when the force is taken so much earlier. Each joint's torque is
+//! regressed on `S` beside its passive law, and a delay that several joints show is a warning.
 use crate::assess::Limits;
-use crate::log::Log;
+use crate::log::{Channel, Log};
 use crate::problem::noise::noise_of;
 use crate::problem::{FitError, Judgement, Known, Prediction, Problem, Session, Target, Task};
 use crate::progress::Progress;
 use crate::result::Trace;
-use crate::solve::{Regression, Rows, Unknown};
+use crate::solve::{Loss, Options, Regression, Rows, Unknown, solve, student};
 use wheelstate::estimator::human_dynamics::variables::{GROUPS, JOINTS};
 use wheelstate::estimator::human_dynamics::{HumanDynamics, Inputs, Outputs, Parameters};
 use wheelstate::{Estimator, Status, Variable, Variables};
@@ -27,6 +30,17 @@ const BLUR: f64 = 0.5;
 const COARSE: usize = 8;
 /// Time over which the errors of the torques are correlated, s.
 const CLUSTER: f64 = 0.25;
+
+/// Time by which forces are taken earlier to see what a delay does, s.
+const EARLIER: f64 = 0.02;
+/// Delays up to this are what good sensors' own filters have, s; a longer one must be so many standard errors beyond it.
+const HARMLESS: f64 = 0.015;
+const SURE: f64 = 4.0;
+/// The torques are estimates, which smooth what acts on them: by so much a delay that they show may be off, s (on the own
+/// plant 6 to 9 ms).
+const ESTIMATED: f64 = 0.01;
+/// Times that forces are taken earlier by what was found.
+const CLOSER: usize = 4;
 
 /// The joints of the logs: those of the seated body, or whatever has a torque of its own.
 fn joints(logs: &[Log]) -> Vec<String> {
@@ -177,6 +191,9 @@ fn spread(values: &[f64]) -> f64 {
 }
 
 fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
+    if !task.coarse {
+        late_hands(task, session)?;
+    }
     for (name, logs) in collect(task)? {
         let parameters = PARTS.map(|(part, _)| format!("{part}.{name}"));
         let parameters: [&str; 3] = std::array::from_fn(|k| parameters[k].as_str());
@@ -209,6 +226,113 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
         }
     }
     Ok(())
+}
+
+/// How late forces are, by the torques of the joints that they reach.
+struct Lateness {
+    /// s
+    delay: f64,
+    /// Its standard error, s.
+    std: f64,
+    /// Joints that show one by themselves.
+    joints: usize,
+}
+
+/// Warns of forces on the hands that arrive late. Those on the feet hardly change while one sits: their torques tell no delay.
+fn late_hands(task: &Task, session: &mut Session) -> Result<(), FitError> {
+    let inputs = Inputs::declare();
+    let own: Vec<&str> = columns_of("hand_wrench", &inputs).collect();
+    let torques_given = |log: &Log| log.channels.iter().any(|channel| channel.name.starts_with("tau_"));
+    let measured = |log: &&Log| own.iter().all(|name| log.channel(name).is_some()) && !torques_given(log);
+    let logs: Vec<&Log> = task.logs.iter().filter(measured).collect();
+    let Some(first) = lateness(task, &logs, &own, 0.0, session.loss())? else { return Ok(()) };
+    if first.joints < 2 || first.delay.abs() - SURE * first.std <= HARMLESS {
+        return Ok(());
+    }
+    // To first order only: the rest is found with the forces taken earlier by what was found.
+    let (mut delay, mut std) = (first.delay, first.std);
+    for _ in 0..CLOSER {
+        let Some(rest) = lateness(task, &logs, &own, delay, session.loss())? else { break };
+        delay += rest.delay;
+        std = rest.std;
+        if rest.delay.abs() < std {
+            break;
+        }
+    }
+    let (hands, motion) = ("the forces on the hands", "the motion");
+    let (late, early) = if delay > 0.0 { (hands, motion) } else { (motion, hands) };
+    session.warn(format!(
+        "{late} arrive about {:.0} ms (+-{:.0}) later than {early}, by the torques of {} joints; give both one clock, or shift them \
+         back before the fit",
+        1e3 * delay.abs(),
+        2e3 * std.hypot(ESTIMATED),
+        first.joints
+    ));
+    Ok(())
+}
+
+/// How late forces are beyond a time by which they are taken earlier, s; none if no torque tells.
+fn lateness(task: &Task, logs: &[&Log], own: &[&str], by: f64, loss: Loss) -> Result<Option<Lateness>, FitError> {
+    let mut of_joint: Vec<Rows> = JOINTS.iter().map(|(name, ..)| Rows::new(name, "N.m", 4)).collect();
+    let mut first = 0;
+    for log in logs {
+        let samples = |time: f64| (time / log.period()).round() as isize;
+        let (base, ahead) = (samples(by), samples(by) + samples(EARLIER).max(1));
+        let step = (ahead - base) as f64 * log.period();
+        let torques = |samples| torques(&earlier(log, own, samples), task.known, COARSE, &Progress::none());
+        let ((tau, _), (ahead, _)) = (torques(base)?, torques(ahead)?);
+        let begin = log.time.first().copied().unwrap_or(0.0);
+        let cluster = |k: usize| first + ((log.time[k] - begin) / CLUSTER) as u32;
+        for (joint, rows) in of_joint.iter_mut().enumerate() {
+            let channel = |part: &str| log.channel(&format!("{part}_{}", JOINTS[joint].0));
+            let (Some(q), Some(qd)) = (channel("q"), channel("qd")) else { continue };
+            for k in 0..log.len() {
+                let change = (ahead[joint][k] - tau[joint][k]) / step;
+                rows.push(&[-q[k], -qd[k], 1.0, -change], tau[joint][k], cluster(k));
+            }
+        }
+        first = cluster(log.len() - 1) + 1;
+    }
+    let mut answer = Lateness { delay: 0.0, std: f64::INFINITY, joints: 0 };
+    let mut weights = 0.0;
+    for rows in of_joint {
+        let positive = |name: &str| Unknown::within(name, 0.0, 1e5);
+        let unknowns = vec![positive("k"), positive("d"), Unknown::free("k rest"), Unknown::free("delay")];
+        let regression = Regression { name: "delay".to_owned(), unknowns, groups: vec![rows], constraints: vec![] };
+        // A joint that the force does not reach says nothing.
+        let Ok(solution) = solve(&regression, &Options { loss, ..Options::default() }) else { continue };
+        let (delay, std) = (solution.theta[3], solution.std(3) * student(solution.degrees_of_freedom));
+        if std > 0.0 && std.is_finite() {
+            answer.delay += delay / (std * std);
+            weights += 1.0 / (std * std);
+            // The joints share their sensors' noise: together they are hardly more certain than the best of them.
+            answer.std = answer.std.min(std);
+            answer.joints += usize::from(delay.abs() - 2.0 * std > HARMLESS);
+        }
+    }
+    answer.delay /= weights;
+    Ok((weights > 0.0).then_some(answer))
+}
+
+/// A log with some channels so many samples earlier, without the references that no fit looks at.
+fn earlier(log: &Log, names: &[&str], samples: isize) -> Log {
+    let moved = |channel: &Channel| {
+        let values = &channel.values;
+        let last = values.len() - 1;
+        let at = |k: usize| values[k.saturating_add_signed(samples).min(last)];
+        let late = names.contains(&channel.name.as_str());
+        Channel {
+            name: channel.name.clone(),
+            values: if late { (0..values.len()).map(at).collect() } else { values.clone() },
+        }
+    };
+    let measured = log.channels.iter().filter(|channel| !channel.name.starts_with("true_"));
+    Log {
+        channels: measured.map(moved).collect(),
+        time: log.time.clone(),
+        source: log.source.clone(),
+        ..Log::default()
+    }
 }
 
 /// `tau = [-q, -qd, 1] [k, d, k rest]`, a row per sample.
