@@ -75,6 +75,16 @@ impl Vehicle {
         (self.estimator.inputs)()
     }
 
+    /// Says of a column by its name whether it is read without being asked for: inputs, what only the fit reads, and true
+    /// values for reports.
+    pub fn reads(&self) -> impl Fn(&str) -> bool + use<> {
+        let (inputs, known, checks) = (self.inputs(), Known::new(self.parameters()), self.checks);
+        move |name| {
+            let subject = check::Subject { inputs: &inputs, known: &known, checks: &checks };
+            name.starts_with("true_") || subject.reads(name)
+        }
+    }
+
     /// Looks for what is wrong with a log before anything is fitted to it, see [`check::check`]; `settings` are known
     /// parameters by FMU name.
     pub fn check(&self, log: &Log, settings: &[(String, f64)]) -> Result<Vec<Finding>, ParameterError> {

@@ -59,7 +59,8 @@ pub const CRATES: &[Crate] = &[
             ("assemble", &["", "between", "columns", "error", "recording"]),
             ("sampling", &[""]),
             ("compact", &["", "error"]),
-            ("table", &["", "columns", "csv", "error", "hash", "progress", "recording"]),
+            ("table", &["", "columns", "csv", "error", "hash", "progress", "recording", "wanted"]),
+            ("wanted", &["", "columns"]),
         ],
     },
     Crate {
@@ -241,7 +242,7 @@ pub const CRATES: &[Crate] = &[
 ];
 
 /// What a reader of one format may use: it never sees another one. What it writes is a log.
-const READER: &[&str] = &["", "columns", "error", "guard", "hash", "progress", "recording"];
+const READER: &[&str] = &["", "columns", "error", "guard", "hash", "progress", "recording", "wanted"];
 
 /// What one machine of `identify` may use.
 const MACHINE: &[&str] = &[

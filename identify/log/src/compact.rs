@@ -80,7 +80,7 @@ fn parse(bytes: &[u8]) -> Option<Log> {
     let time = values()?;
     let channels: Option<Vec<Channel>> =
         names.into_iter().map(|name| values().map(|values| Channel { name, values })).collect();
-    let log = Log { source, sha256, time, channels: channels?, notes };
+    let log = Log { source, sha256, time, channels: channels?, notes, unread: Vec::new() };
     let increase = log.time.windows(2).all(|pair| pair[0] < pair[1]) && log.time.iter().all(|time| time.is_finite());
     increase.then_some(log)
 }

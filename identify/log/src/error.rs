@@ -1,5 +1,6 @@
 //! Why a log was refused: always one line that names the file, and the line where there is one.
 
+pub use super::columns::{listed, quoted};
 use crate::progress::Interrupted;
 
 /// A log that cannot be used.
@@ -41,18 +42,4 @@ impl LogError {
     pub fn line(file: &str, line: u64, what: impl Into<String>) -> Self {
         Self::Line { file: file.to_owned(), line, what: what.into() }
     }
-}
-
-/// A text from a file, short and without control characters, for an error message.
-pub fn quoted(text: &str) -> String {
-    let escaped: String = text.chars().take(40).flat_map(char::escape_debug).collect();
-    format!("'{escaped}{}'", if text.chars().count() > 40 { "..." } else { "" })
-}
-
-/// Some of the names, for an error message that must stay one line.
-pub fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    let names: Vec<_> = names.into_iter().collect();
-    let shown: Vec<_> = names.iter().take(12).map(|name| quoted(name).trim_matches('\'').to_owned()).collect();
-    let rest = names.len().saturating_sub(shown.len());
-    shown.join(", ") + &(if rest > 0 { format!(" and {rest} more") } else { String::new() })
 }

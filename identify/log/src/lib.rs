@@ -27,13 +27,15 @@ pub mod progress;
 mod recording;
 mod sampling;
 mod table;
+mod wanted;
 
-pub use columns::ColumnMap;
-pub use error::{LogError, listed};
+pub use columns::{ColumnMap, listed};
+pub use error::LogError;
 pub use table::{Samples, TableColumn};
 
 use crate::progress::Progress;
 use std::path::Path;
+use wanted::Wanted;
 
 /// A log: one time base and named channels of the same length.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -48,6 +50,8 @@ pub struct Log {
     pub channels: Vec<Channel>,
     /// What was detected, repaired or left out while reading, one line each.
     pub notes: Vec<String>,
+    /// Names of columns that were not read because nothing asked for them.
+    pub unread: Vec<String>,
 }
 
 /// A channel that a log is read for.
@@ -145,11 +149,15 @@ impl Log {
         self.channels.iter().find(|channel| channel.name == name).map(|channel| channel.values.as_slice())
     }
 
+    /// The names of all channels and of the columns that were not read.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.channels.iter().map(|channel| channel.name.as_str()).chain(self.unread.iter().map(String::as_str))
+    }
+
     /// The values of a channel, or an error that names the log and channels with similar names.
     pub fn require(&self, name: &str) -> Result<&[f64], LogError> {
         self.channel(name).ok_or_else(|| {
-            let names = self.channels.iter().map(|channel| channel.name.as_str());
-            let names: Vec<_> = names.filter(|name| !name.starts_with("true_")).collect();
+            let names: Vec<_> = self.names().filter(|name| !name.starts_with("true_")).collect();
             LogError::file(&self.source, format!("no channel '{name}'; {}", columns::hint(name, &names)))
         })
     }
@@ -187,30 +195,35 @@ impl Log {
     }
 
     /// As [`read`](Self::read), for a program that knows which channels it needs: their units are checked, and what is
-    /// wrong with other columns never refuses the file.
+    /// wrong with other columns never refuses the file. Of these only those are read that `keep` says, by their names:
+    /// a recording may have thousands of columns, and time and memory are those of the columns that are read. `|_| true`
+    /// keeps them all.
     pub fn read_inputs(
         path: &Path,
         map: Option<&ColumnMap>,
         inputs: &[Input],
+        keep: &dyn Fn(&str) -> bool,
         progress: &Progress,
     ) -> Result<Self, LogError> {
-        let mut log = Self::read_any(path, map, Some(inputs), progress)?;
+        let wanted = Wanted::new(map, inputs, keep);
+        let mut log = Self::read_any(path, map, Some(inputs), &wanted, progress)?;
         log.drop_infinite();
         Ok(log)
     }
 
     /// As [`read`](Self::read), with infinite samples as they are: for a program that hands them on.
     pub fn read_verbatim(path: &Path, map: Option<&ColumnMap>, progress: &Progress) -> Result<Self, LogError> {
-        Self::read_any(path, map, None, progress)
+        Self::read_any(path, map, None, &Wanted::all(), progress)
     }
 
     fn read_any(
         path: &Path,
         map: Option<&ColumnMap>,
         inputs: Option<&[Input]>,
+        wanted: &Wanted,
         progress: &Progress,
     ) -> Result<Self, LogError> {
-        Self::finish(record(path, map, progress)?, path, map, inputs, progress)
+        Self::finish(record(path, map, wanted, progress)?, path, map, inputs, wanted, progress)
     }
 
     /// Joins the files that the map names and puts the log together; `path` is the log's.
@@ -219,12 +232,13 @@ impl Log {
         path: &Path,
         map: Option<&ColumnMap>,
         inputs: Option<&[Input]>,
+        wanted: &Wanted,
         progress: &Progress,
     ) -> Result<Self, LogError> {
         for join in map.iter().flat_map(|map| &map.joins) {
             let map = map.expect("its joins");
             let other = map.path(&join.path(path));
-            let joined = record(&other, Some(map), progress)?;
+            let joined = record(&other, Some(map), wanted, progress)?;
             assemble::join(&mut recording, joined, join, map)?;
         }
         assemble::assemble(recording, map, inputs)
@@ -233,7 +247,8 @@ impl Log {
     /// Reads a log in CSV from any bytes; `name` is named in errors.
     pub fn from_csv(name: &str, from: impl std::io::Read, map: Option<&ColumnMap>) -> Result<Self, LogError> {
         let options = map.map(|map| map.csv.clone()).unwrap_or_default();
-        let mut log = assemble::assemble(csv::parse(name, from, &options, &Progress::none())?, map, None)?;
+        let mut log =
+            assemble::assemble(csv::parse(name, from, &options, &Wanted::all(), &Progress::none())?, map, None)?;
         log.drop_infinite();
         Ok(log)
     }
@@ -263,14 +278,19 @@ impl Log {
     }
 }
 
-/// Reads a file as it is.
-fn record(path: &Path, map: Option<&ColumnMap>, progress: &Progress) -> Result<recording::Recording, LogError> {
+/// Reads a file as it is, of its columns those that are wanted; formats of messages read theirs later.
+fn record(
+    path: &Path,
+    map: Option<&ColumnMap>,
+    wanted: &Wanted,
+    progress: &Progress,
+) -> Result<recording::Recording, LogError> {
     match Format::of(path)? {
-        Format::Csv => csv::read(path, &map.map(|map| map.csv.clone()).unwrap_or_default(), progress),
+        Format::Csv => csv::read(path, &map.map(|map| map.csv.clone()).unwrap_or_default(), wanted, progress),
         #[cfg(feature = "parquet")]
-        Format::Parquet => parquet::read(path, progress),
+        Format::Parquet => parquet::read(path, wanted, progress),
         #[cfg(feature = "mf4")]
-        Format::Mf4 => mf4::read(path, progress),
+        Format::Mf4 => mf4::read(path, wanted, progress),
         #[cfg(feature = "mcap")]
         Format::Mcap => mcap::read(path, map.and_then(|map| map.stamps), progress),
         #[cfg(feature = "can")]

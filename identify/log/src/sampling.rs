@@ -54,6 +54,7 @@ impl Log {
             time: self.time[samples.clone()].to_vec(),
             channels: channels.collect(),
             notes: self.notes.clone(),
+            unread: self.unread.clone(),
         }
     }
 
@@ -91,7 +92,14 @@ impl Log {
         };
         let channels =
             self.channels.iter().map(|c| Channel { name: c.name.clone(), values: pick(&c.values) }).collect();
-        Self { source: self.source.clone(), sha256: self.sha256.clone(), time, channels, notes: self.notes.clone() }
+        Self {
+            source: self.source.clone(),
+            sha256: self.sha256.clone(),
+            time,
+            channels,
+            notes: self.notes.clone(),
+            unread: self.unread.clone(),
+        }
     }
 }
 

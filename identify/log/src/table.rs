@@ -5,6 +5,7 @@ use crate::csv::name_and_unit;
 use crate::error::LogError;
 use crate::progress::Progress;
 use crate::recording::{Clock, Column, Group, Place, Recording, Values};
+use crate::wanted::Wanted;
 use crate::{Input, Log, hash};
 use std::path::Path;
 
@@ -75,7 +76,7 @@ impl Log {
             place: Place::Samples,
             loader: None,
         };
-        let mut log = Self::finish(recording, Path::new(name), map, inputs, &Progress::none())?;
+        let mut log = Self::finish(recording, Path::new(name), map, inputs, &Wanted::all(), &Progress::none())?;
         log.drop_infinite();
         Ok(log)
     }

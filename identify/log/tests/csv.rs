@@ -14,7 +14,7 @@ fn read_as(name: &str, bytes: &[u8], map: Option<&str>) -> Result<Log, String> {
     let path = folder.path().join(name);
     std::fs::write(&path, bytes).unwrap();
     let map = map.map(|map| ColumnMap::parse("map.toml", map).unwrap());
-    let log = Log::read_inputs(&path, map.as_ref(), &INPUTS, &Progress::none());
+    let log = Log::read_inputs(&path, map.as_ref(), &INPUTS, &|_| true, &Progress::none());
     log.map_err(|e| e.to_string().replace(&path.display().to_string(), name))
 }
 

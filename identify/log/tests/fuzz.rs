@@ -84,7 +84,7 @@ fn survive(ending: &str, files: &[Vec<u8>], maps: &[Option<&str>]) {
     for (file, map) in files.iter().flat_map(|file| maps.iter().map(move |map| (file, map))) {
         std::fs::write(&path, file).unwrap();
         // The files are good, whatever the map asks of them.
-        if let Err(error) = Log::read_inputs(&path, map.as_ref(), &INPUTS, &Progress::none()) {
+        if let Err(error) = Log::read_inputs(&path, map.as_ref(), &INPUTS, &|_| true, &Progress::none()) {
             assert!(!error.to_string().contains("damaged"), "{ending}: {error}");
         }
     }
@@ -97,8 +97,9 @@ fn survive(ending: &str, files: &[Vec<u8>], maps: &[Option<&str>]) {
         std::fs::write(&path, &bytes).unwrap();
         let map = &maps[random.below(maps.len())];
         let start = Instant::now();
-        let result =
-            catch_unwind(AssertUnwindSafe(|| Log::read_inputs(&path, map.as_ref(), &INPUTS, &Progress::none())));
+        let result = catch_unwind(AssertUnwindSafe(|| {
+            Log::read_inputs(&path, map.as_ref(), &INPUTS, &|_| true, &Progress::none())
+        }));
         let took = start.elapsed();
         let good = match &result {
             Ok(Ok(log)) => log.len() >= 2 && log.channels.iter().all(|channel| channel.values.len() == log.len()),

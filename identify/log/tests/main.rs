@@ -7,4 +7,5 @@ mod log;
 mod maps;
 mod measurement;
 mod mf4;
+mod selection;
 mod table;

@@ -11,7 +11,7 @@ fn read(file: &File, map: Option<&str>) -> Result<Log, String> {
     let folder = TempDir::new().unwrap();
     let path = file.save(folder.path());
     let map = map.map(|map| ColumnMap::parse("map.toml", map).unwrap());
-    let log = Log::read_inputs(&path, map.as_ref(), &INPUTS, &Progress::none());
+    let log = Log::read_inputs(&path, map.as_ref(), &INPUTS, &|_| true, &Progress::none());
     log.map_err(|e| e.to_string().replace(&path.display().to_string(), "log.mf4"))
 }
 
@@ -236,4 +236,11 @@ fn absurd_claims_are_refused_at_once() {
     assert!(read(&file, None).unwrap_err().contains("claims 1000000000000 records"));
     file.bytes[group + 96..group + 104].fill(0);
     assert!(read(&file, None).is_err());
+}
+
+#[test]
+fn a_channel_name_broken_over_lines_leaves_a_refusal_on_one_line() {
+    let group = Group::new("drive", vec![time(), double("wheel\ntorque", "Nm")], vec![record(&[0.0, 1.0]); 2]);
+    let error = read(&File::new().group(&group, &[]), Some("speed = 'v'")).unwrap_err();
+    assert!(error.lines().count() == 1 && error.contains("wheel\\ntorque"), "{error}");
 }

@@ -159,7 +159,7 @@ impl Reading {
 
     fn file(&self, path: &Path, progress: &Progress) -> Result<Inner, wheelstate_identify::log::LogError> {
         match self.inputs() {
-            Some(inputs) => Inner::read_inputs(path, self.map.as_ref(), &inputs, progress),
+            Some(inputs) => Inner::read_inputs(path, self.map.as_ref(), &inputs, &|_| true, progress),
             None => Inner::read(path, self.map.as_ref(), progress),
         }
     }

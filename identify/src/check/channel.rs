@@ -58,8 +58,7 @@ fn missing(subject: &Subject, log: &Log) -> Vec<Finding> {
         let there = log.channels.iter().any(|channel| names.iter().any(|name| fits(name, &channel.name)));
         let name = names.join("' or '");
         let message = if there { format!("no sample of '{name}'") } else { format!("no channel '{name}'") };
-        let known = log.channels.iter().map(|channel| channel.name.as_str()).filter(|name| !name.starts_with("true_"));
-        let known: Vec<&str> = known.collect();
+        let known: Vec<&str> = log.names().filter(|name| !name.starts_with("true_")).collect();
         let hint = crate::log::columns::hint(names[0], &known);
         let found_here = finding(log, "missing-channel", Severity::Refusal, names.join("' or '"));
         let stop = if hint.ends_with('?') { "" } else { "." };

@@ -67,7 +67,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Outcome, Refusal> {
     let known: Vec<_> = start.into_iter().chain(settings::numbers(args.vehicle, &args.settings)?).collect();
     let progress = Progress::terminal();
     let mut all = Vec::new();
-    read_each(args.vehicle, &args.logs, &progress, |path, log| {
+    read_each(args.vehicle, &args.logs, &args.vehicle.reads(), &progress, |path, log| {
         match log {
             Ok(log) => {
                 tell(&log);

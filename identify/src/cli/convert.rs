@@ -83,7 +83,7 @@ pub(super) struct ConvertArgs {
 pub(super) fn run(args: &ConvertArgs) -> Result<Outcome, Refusal> {
     keep_inputs(Some(&args.out), &args.logs.logs)?;
     Outputs::check(&args.out)?;
-    let logs = read_logs(args.vehicle, &args.logs, &Progress::terminal())?;
+    let logs = read_logs(args.vehicle, &args.logs, &|_| true, &Progress::terminal())?;
     let [log] = logs.as_slice() else {
         return Err(Refusal(format!("convert takes one log at a time, not {}", logs.len())));
     };

@@ -192,7 +192,10 @@ fn read(
         return Ok((kept, logs));
     }
     let these = LogArgs { logs: paths.to_vec(), columns: args.logs.columns.clone() };
-    read_each(args.vehicle, &these, progress, |path, log| {
+    let reads = args.vehicle.reads();
+    let laws: Vec<_> = args.varies.iter().filter_map(|text| settings::parse_law(text).1).collect();
+    let keep = |name: &str| reads(name) || laws.iter().any(|channel| channel == name);
+    read_each(args.vehicle, &these, &keep, progress, |path, log| {
         match log {
             Ok(log) => {
                 tell(&log);

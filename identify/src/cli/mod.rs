@@ -185,9 +185,14 @@ fn print(text: &str) {
 }
 
 /// Reads all logs of a command and checks the maps against the vehicle's inputs.
-fn read_logs(vehicle: &Vehicle, args: &LogArgs, progress: &Progress) -> Result<Vec<Log>, Refusal> {
+fn read_logs(
+    vehicle: &Vehicle,
+    args: &LogArgs,
+    keep: &dyn Fn(&str) -> bool,
+    progress: &Progress,
+) -> Result<Vec<Log>, Refusal> {
     let mut logs = Vec::with_capacity(args.logs.len());
-    read_each(vehicle, args, progress, |_, log| {
+    read_each(vehicle, args, keep, progress, |_, log| {
         let log = log?;
         tell(&log);
         logs.push(log);
@@ -196,10 +201,11 @@ fn read_logs(vehicle: &Vehicle, args: &LogArgs, progress: &Progress) -> Result<V
     Ok(logs)
 }
 
-/// Reads the logs of a command one by one.
+/// Reads the logs of a command one by one; `keep` says which other columns than the vehicle's inputs.
 fn read_each(
     vehicle: &Vehicle,
     args: &LogArgs,
+    keep: &dyn Fn(&str) -> bool,
     progress: &Progress,
     mut take: impl FnMut(&Path, Result<Log, LogError>) -> Result<(), Refusal>,
 ) -> Result<(), Refusal> {
@@ -207,7 +213,7 @@ fn read_each(
     let inputs = vehicle.inputs();
     let inputs: Vec<_> = inputs.iter().map(|input| Input { name: &input.name, unit: input.unit }).collect();
     for path in &args.logs {
-        let log = Log::read_inputs(path, maps.of(path)?, &inputs, progress);
+        let log = Log::read_inputs(path, maps.of(path)?, &inputs, keep, progress);
         if let Err(LogError::Interrupted(stop)) = log {
             return Err(stop.into());
         }

@@ -97,7 +97,7 @@ pub(super) fn run(args: &RunArgs) -> Result<Outcome, Refusal> {
     let progress = Progress::terminal();
     let mut outputs = Outputs::new();
     let (mut worst, mut objects) = (Outcome::Done, Vec::new());
-    read_each(args.vehicle, &args.logs, &progress, |path, log| {
+    read_each(args.vehicle, &args.logs, &args.vehicle.reads(), &progress, |path, log| {
         let log = log?;
         tell(&log);
         let run = args.vehicle.run(&log, &settings, &progress)?;

@@ -72,9 +72,9 @@ pub(super) fn run(args: &TuneArgs) -> Result<Outcome, Refusal> {
     }
     let known = args.params.as_deref().map_or(Ok(Vec::new()), |path| settings::start_values(args.vehicle, path))?;
     let progress = Progress::terminal();
-    let logs = read_logs(args.vehicle, &args.logs, &progress)?;
+    let logs = read_logs(args.vehicle, &args.logs, &args.vehicle.reads(), &progress)?;
     let held_out = LogArgs { logs: args.held_out.clone(), columns: args.logs.columns.clone() };
-    let held_out = read_logs(args.vehicle, &held_out, &progress)?;
+    let held_out = read_logs(args.vehicle, &held_out, &args.vehicle.reads(), &progress)?;
     let request = TuneRequest {
         objective: args.objective,
         seed: args.seed,

@@ -108,8 +108,8 @@ pub(crate) fn assemble(
     let names = std::mem::take(&mut channels);
     let (rest, left) = rest(recording, base, &time, &clocks, &taken, names, inputs.is_none() && map.is_none())?;
     notes.extend(left);
-    let Rest { file, sha256, channels } = rest;
-    Ok(Log { source: file, sha256, time, channels, notes })
+    let Rest { file, sha256, channels, unread } = rest;
+    Ok(Log { source: file, sha256, time, channels, notes, unread })
 }
 
 /// The channels of the map, and the inputs that stand in the log under their own names.

@@ -13,6 +13,7 @@ pub(super) struct Rest {
     pub file: String,
     pub sha256: String,
     pub channels: Vec<Channel>,
+    pub unread: Vec<String>,
 }
 
 /// Adds the columns that no channel is read from, under their own names; the second result is what to say of those
@@ -29,7 +30,7 @@ pub(super) fn rest(
     let Recording { file, sha256, groups, place, .. } = recording;
     let mut names: HashSet<String> = channels.iter().map(|(_, channel)| channel.name.clone()).collect();
     let mapped = names.clone();
-    let (mut foreign, mut unknown, mut lost) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut foreign, mut unknown, mut lost, mut unread) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (g, Group { name: group, clock, columns }) in groups.into_iter().enumerate() {
         for (c, column) in columns.into_iter().enumerate() {
             if clock == Clock::Column(c) || taken.contains(&(g, c)) {
@@ -48,7 +49,10 @@ pub(super) fn rest(
             let values = match column.values {
                 Values::Numbers(ref values) if mapped.contains(&column.name) && values.is_empty() => continue,
                 Values::Numbers(values) => values,
-                Values::Unread => continue,
+                Values::Unread => {
+                    unread.push(column.name);
+                    continue;
+                }
                 Values::Text { .. } => {
                     foreign.push(format!("{} (text)", column.name));
                     continue;
@@ -108,5 +112,5 @@ pub(super) fn rest(
         let why: Vec<_> = clocks.iter().filter_map(|clock| clock.as_ref().err()).map(String::as_str).collect();
         notes.push(format!("left out for want of a time: {} ({})", list(&lost), why.first().unwrap_or(&"")));
     }
-    Ok((Rest { file, sha256, channels }, notes))
+    Ok((Rest { file, sha256, channels, unread }, notes))
 }

@@ -91,7 +91,7 @@ mod rule;
 mod select;
 pub(crate) mod unit;
 
-pub use names::{hint, nearest};
+pub use names::{hint, listed, nearest, quoted};
 pub(crate) use rule::{Candidate, Rule, Source};
 pub(crate) use select::{Selector, Which};
 

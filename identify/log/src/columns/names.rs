@@ -1,4 +1,4 @@
-//! Names that are not there, and the ones that may have been meant.
+//! Names in messages: those that are not there, and the ones that may have been meant.
 
 /// What to say about a name that is not there: the most similar ones, or all if they are few.
 pub fn hint(name: &str, names: &[&str]) -> String {
@@ -7,12 +7,9 @@ pub fn hint(name: &str, names: &[&str]) -> String {
     let near: Vec<_> = ranked.iter().filter(|(d, _)| *d <= 1 + name.chars().count() / 4).take(3).collect();
     match near.as_slice() {
         [] if names.is_empty() => "it has no columns".to_owned(),
-        [] => {
-            let rest = if names.len() > 12 { format!(" and {} more", names.len() - 12) } else { String::new() };
-            format!("there are {}{rest}", names[..names.len().min(12)].join(", "))
-        }
+        [] => format!("there are {}", listed(names.iter().copied())),
         near => {
-            let words: Vec<_> = near.iter().map(|(_, candidate)| format!("'{candidate}'")).collect();
+            let words: Vec<_> = near.iter().map(|(_, candidate)| quoted(candidate)).collect();
             format!("did you mean {}?", words.join(" or "))
         }
     }
@@ -45,4 +42,18 @@ pub(super) fn distance(a: &str, b: &str) -> usize {
         }
     }
     row[b.len()]
+}
+
+/// A text from a file, short and without control characters, for an error message.
+pub fn quoted(text: &str) -> String {
+    let escaped: String = text.chars().take(40).flat_map(char::escape_debug).collect();
+    format!("'{escaped}{}'", if text.chars().count() > 40 { "..." } else { "" })
+}
+
+/// Some of the names, for an error message that must stay one line.
+pub fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    let names: Vec<_> = names.into_iter().collect();
+    let shown: Vec<_> = names.iter().take(12).map(|name| quoted(name).trim_matches('\'').to_owned()).collect();
+    let rest = names.len().saturating_sub(shown.len());
+    shown.join(", ") + &(if rest > 0 { format!(" and {rest} more") } else { String::new() })
 }

@@ -15,6 +15,7 @@ use super::error::quoted;
 use super::recording::{Clock, Column, Group, Place, Recording, Values};
 use super::{Log, LogError};
 use crate::progress::Progress;
+use crate::wanted::Wanted;
 use cell::Kind;
 use dialect::{Dialect, bare};
 use rows::{Row, Rows};
@@ -27,7 +28,12 @@ use std::path::Path;
 const STRIDE: usize = 1 << 14;
 
 /// Reads a file row by row.
-pub(super) fn read(path: &Path, options: &CsvOptions, progress: &Progress) -> Result<Recording, LogError> {
+pub(super) fn read(
+    path: &Path,
+    options: &CsvOptions,
+    wanted: &Wanted,
+    progress: &Progress,
+) -> Result<Recording, LogError> {
     let name = path.display().to_string();
     let opened = File::open(path).and_then(|file| Ok((file.metadata()?, file)));
     let (meta, file) = opened.map_err(|e| LogError::file(&name, e.to_string()))?;
@@ -36,7 +42,7 @@ pub(super) fn read(path: &Path, options: &CsvOptions, progress: &Progress) -> Re
     }
     let what = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     progress.start(format!("reading {what}"), meta.len());
-    let recording = parse(&name, file, options, progress);
+    let recording = parse(&name, file, options, wanted, progress);
     progress.finish();
     recording
 }
@@ -51,8 +57,27 @@ struct Reading {
     text: Option<(String, String)>,
 }
 
+impl Reading {
+    fn name_and_unit(&self) -> (&str, Option<&str>) {
+        match &self.unit {
+            Some(unit) => (&self.title, Some(unit)),
+            None => name_and_unit(&self.title),
+        }
+    }
+
+    fn wanted(&self, wanted: &Wanted, place: usize) -> bool {
+        wanted.has(self.name_and_unit().0, &self.title, place)
+    }
+}
+
 /// The parser itself, over any bytes.
-pub(super) fn parse(file: &str, from: impl Read, options: &CsvOptions, to: &Progress) -> Result<Recording, LogError> {
+pub(super) fn parse(
+    file: &str,
+    from: impl Read,
+    options: &CsvOptions,
+    wanted: &Wanted,
+    to: &Progress,
+) -> Result<Recording, LogError> {
     let mut source = Source::open(file, from, options.encoding)?;
     let dialect = Dialect::detect(file, &source, options)?;
     let lines = source.lines(dialect.skip.0, dialect.ends);
@@ -74,6 +99,7 @@ pub(super) fn parse(file: &str, from: impl Read, options: &CsvOptions, to: &Prog
             }
         }
     }
+    let read: Vec<usize> = (0..columns.len()).filter(|place| columns[*place].wanted(wanted, *place)).collect();
     let mut samples = Vec::new();
     let mut empty = 0;
     let mut seen = 0;
@@ -86,7 +112,8 @@ pub(super) fn parse(file: &str, from: impl Read, options: &CsvOptions, to: &Prog
             return Err(LogError::line(file, line, what));
         }
         empty = if blank { empty + 1 } else { 0 };
-        for (index, column) in columns.iter_mut().enumerate() {
+        for &index in &read {
+            let column = &mut columns[index];
             if column.text.is_some() {
                 continue;
             }
@@ -124,7 +151,11 @@ pub(super) fn parse(file: &str, from: impl Read, options: &CsvOptions, to: &Prog
     }
     drop(rows);
     let sha256 = source.sha256().map_err(|e| LogError::file(file, e.to_string()))?;
-    let columns = columns.into_iter().map(finished).collect();
+    let columns = columns
+        .into_iter()
+        .enumerate()
+        .map(|(place, column)| finished(column, read.binary_search(&place).is_ok()))
+        .collect();
     Ok(Recording {
         file: file.to_owned(),
         sha256,
@@ -136,22 +167,18 @@ pub(super) fn parse(file: &str, from: impl Read, options: &CsvOptions, to: &Prog
     })
 }
 
-fn finished(column: Reading) -> Column {
-    let (name, unit) = match column.unit {
-        Some(unit) => (column.title.as_str(), Some(unit)),
-        None => {
-            let (name, unit) = name_and_unit(&column.title);
-            (name, unit.map(str::to_owned))
-        }
-    };
+fn finished(column: Reading, read: bool) -> Column {
+    let (name, unit) = column.name_and_unit();
+    let (name, unit) = (name.to_owned(), unit.map(str::to_owned));
     let typed = matches!(column.kind, Kind::Stamp | Kind::OfDay);
     let unit = if typed { Some("s".to_owned()) } else { unit };
     let values = match column.text {
+        None if !read => Values::Unread,
         None => Values::Numbers(column.values),
         Some((at, text)) => Values::Text { at, text },
     };
     let title = (name != column.title).then(|| column.title.clone());
-    Column { name: name.to_owned(), title, unit, values, typed }
+    Column { name, title, unit, values, typed }
 }
 
 fn columns(file: &str, row: Row<'_>, line: u64, source: &Source, dialect: &Dialect) -> Result<Vec<Reading>, LogError> {

@@ -16,6 +16,7 @@ use crate::LogError;
 use crate::error::listed;
 use crate::progress::Progress;
 use crate::recording::{Clock, Column, Group, Place, Recording, Values};
+use crate::wanted::Wanted;
 use block::{Block, chain, named, text};
 use channel::{Field, Invalid, Kind, Records};
 use conversion::Conversion;
@@ -45,21 +46,21 @@ impl Failure {
 }
 
 /// Reads a file.
-pub(super) fn read(path: &Path, progress: &Progress) -> Result<Recording, LogError> {
+pub(super) fn read(path: &Path, wanted: &Wanted, progress: &Progress) -> Result<Recording, LogError> {
     let name = path.display().to_string();
     let bytes = std::fs::read(path).map_err(|e| LogError::file(&name, e.to_string()))?;
     let what = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     progress.start(format!("reading {what}"), bytes.len() as u64);
-    let recording = parse(&name, &bytes, progress);
+    let recording = parse(&name, &bytes, wanted, progress);
     progress.finish();
     recording
 }
 
 /// The parser itself, over the bytes of a file.
-pub(super) fn parse(name: &str, bytes: &[u8], progress: &Progress) -> Result<Recording, LogError> {
+pub(super) fn parse(name: &str, bytes: &[u8], wanted: &Wanted, progress: &Progress) -> Result<Recording, LogError> {
     let fail = |failure: Failure| LogError::file(name, format!("not a readable MDF4 file: {}", failure.what));
     let mut notes = Vec::new();
-    let mut file = File::open(bytes).map_err(fail)?;
+    let mut file = File::open(bytes, wanted).map_err(fail)?;
     let mut groups = Vec::new();
     for (_, dg) in chain(bytes, file.first, b"##DG").map_err(fail)? {
         progress.check()?;
@@ -91,6 +92,7 @@ pub(super) fn parse(name: &str, bytes: &[u8], progress: &Progress) -> Result<Rec
 /// A file that is being read.
 struct File<'a> {
     bytes: &'a [u8],
+    wanted: &'a Wanted<'a>,
     /// The first data group.
     first: u64,
     unfinished: bool,
@@ -107,7 +109,7 @@ struct File<'a> {
 }
 
 impl<'a> File<'a> {
-    fn open(bytes: &'a [u8]) -> Result<Self, Failure> {
+    fn open(bytes: &'a [u8], wanted: &'a Wanted<'a>) -> Result<Self, Failure> {
         let identification = bytes.get(..64).ok_or_else(|| Failure::damaged("the file is too short".to_owned()))?;
         let unfinished = match &identification[..8] {
             b"MDF     " => false,
@@ -124,6 +126,7 @@ impl<'a> File<'a> {
         let header = named(bytes, 64, b"##HD")?;
         let mut file = Self {
             bytes,
+            wanted,
             first: header.link(0),
             unfinished,
             ends: Unfinished::default(),
@@ -254,7 +257,9 @@ impl<'a> File<'a> {
     ) -> Result<(), Failure> {
         for (_, cn) in chain(self.bytes, first, b"##CN")? {
             let (kind, sync) = (cn.u8(0)?, cn.u8(1)?);
-            let column = self.channel(&cn, records, record)?;
+            // Times stand in channels of any name.
+            let place = (!matches!(kind, 2 | 3)).then_some(group.columns.len());
+            let column = self.channel(&cn, records, record, place)?;
             if matches!(kind, 2 | 3) && depth == 0 {
                 group.clock = match sync {
                     0 | 1 => Clock::Column(group.columns.len()),
@@ -275,16 +280,28 @@ impl<'a> File<'a> {
         Ok(())
     }
 
-    fn channel(&mut self, cn: &Block<'a>, records: &Records, record: usize) -> Result<Column, Failure> {
+    /// A channel; what stands at a `place` in its group is read only if it is wanted.
+    fn channel(
+        &mut self,
+        cn: &Block<'a>,
+        records: &Records,
+        record: usize,
+        place: Option<usize>,
+    ) -> Result<Column, Failure> {
         let name = text(self.bytes, cn.link(2))?;
         let mut unit = text(self.bytes, cn.link(6))?;
         if unit.is_empty() && cn.link(4) != 0 {
             unit = text(self.bytes, named(self.bytes, cn.link(4), b"##CC")?.link(1))?;
         }
-        let values = match self.values(cn, records, record, &name) {
-            Ok(values) => Values::Numbers(values),
-            Err(Failure { what, foreign: true }) => Values::Other(what),
-            Err(damaged) => return Err(damaged),
+        let unread = place.is_some_and(|place| !self.wanted.has(&name, &name, place));
+        let values = if unread {
+            Values::Unread
+        } else {
+            match self.values(cn, records, record, &name) {
+                Ok(values) => Values::Numbers(values),
+                Err(Failure { what, foreign: true }) => Values::Other(what),
+                Err(damaged) => return Err(damaged),
+            }
         };
         Ok(Column { name, title: None, unit: (!unit.is_empty()).then_some(unit), values, typed: false })
     }

@@ -7,6 +7,7 @@ use super::recording::{Clock, Column, Group, Place, Recording, Values};
 use super::{Log, LogError};
 use crate::guard::guarded;
 use crate::progress::Progress;
+use crate::wanted::Wanted;
 use ::parquet::basic::{Repetition, Type as Physical};
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use ::parquet::data_type::{DataType, DoubleType};
@@ -23,21 +24,21 @@ use std::sync::Arc;
 use types::Meaning;
 
 /// Reads a file column by column.
-pub(super) fn read(path: &Path, progress: &Progress) -> Result<Recording, LogError> {
+pub(super) fn read(path: &Path, wanted: &Wanted, progress: &Progress) -> Result<Recording, LogError> {
     let name = path.display().to_string();
     let file = File::open(path).map_err(|e| LogError::file(&name, e.to_string()))?;
     // The hash takes as long as the columns.
     std::thread::scope(|scope| {
         let hash = scope.spawn(|| crate::hash::of_file(path));
         let damaged = || Err(LogError::file(&name, "the file is damaged"));
-        let recording = guarded(|| parse(&name, file, progress)).unwrap_or_else(damaged)?;
+        let recording = guarded(|| parse(&name, file, wanted, progress)).unwrap_or_else(damaged)?;
         let Ok(hash) = hash.join() else { return damaged() };
         Ok(Recording { sha256: hash.map_err(|e| LogError::file(&name, e.to_string()))?, ..recording })
     })
 }
 
 /// All but the hash.
-fn parse(name: &str, file: File, progress: &Progress) -> Result<Recording, LogError> {
+fn parse(name: &str, file: File, wanted: &Wanted, progress: &Progress) -> Result<Recording, LogError> {
     let reason = |e: ParquetError| e.to_string().replace('\n', " ");
     let fail = |e: ParquetError| LogError::file(name, format!("not a readable Parquet file: {}", reason(e)));
     let reader = SerializedFileReader::new(file).map_err(fail)?;
@@ -59,6 +60,11 @@ fn parse(name: &str, file: File, progress: &Progress) -> Result<Recording, LogEr
                 continue;
             }
         };
+        if !wanted.has(&title, &title, index) {
+            columns.push(Column { values: Values::Unread, ..Column::numbers(title, Vec::new()) });
+            progress.advance(reader.num_row_groups() as u64);
+            continue;
+        }
         let mut values = Vec::new();
         let mut damage = None;
         for group in 0..reader.num_row_groups() {
