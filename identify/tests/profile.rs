@@ -153,7 +153,7 @@ fn near_the_estimate_every_profile_is_the_parabola_of_its_interval() {
         ("nursing-robot", "identification", ["human.stiffness_pitch", "rolling.coefficient"]),
         ("wheelchair", "identification", ["chair.yaw_inertia", "rolling.coefficient"]),
         ("wheel-loader", "accelerate-brake", ["initial.slip_stiffness", "initial.cg_height"]),
-        ("wheeled-robot", "sine", ["tire.front.stiffness", "rolling.coefficient"]),
+        ("wheeled-robot", "sine", ["tire.front.stiffness", "tire.rear.stiffness"]),
         ("human-dynamics", "seated-braking", ["stiffness.lumbar_y", "rest.lumbar_y"]),
     ];
     for (machine, scenario, names) in cases {
