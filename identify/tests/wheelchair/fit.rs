@@ -140,6 +140,19 @@ fn exact_sensors_give_the_truth_at_every_rate() {
     }
 }
 
+/// Commands and accelerations are integrated as they act: what is left of the yaw inertia above at every rate, less than a
+/// ten-thousandth, is the smoothing of the yaw rate in the sign of its friction.
+#[test]
+fn without_yaw_friction_the_yaw_inertia_is_the_more_exact_the_faster_the_sampling() {
+    for (period, bound) in [(0.02, 2.5e-5), (0.01, 7e-6), (0.002, 2e-6)] {
+        let exact = ["noise.encoder", "noise.gyro", "noise.accel", "plant.encoder_counts"].map(|name| (name, 0.0));
+        let settings = exact.into_iter().chain([("sample_period", period), ("chair.yaw_friction", 1e-9)]);
+        let log = simulated("identification", 1, &settings.collect::<Vec<_>>());
+        let report = run(&[log], &FitRequest::default());
+        assert_close(&format!("yaw inertia at {period} s"), value(&report, "chair.yaw_inertia"), 7.0, bound, 0.0);
+    }
+}
+
 const TABLE: [f64; 7] = [0.01, 0.03, 0.04, 0.03, 0.12, 0.15, 0.05];
 
 #[test]
