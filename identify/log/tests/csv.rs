@@ -63,7 +63,7 @@ fn units_under_and_in_the_header_are_applied() {
     assert_eq!(read("time [ms],speed\n0,1\n10,2\n", None).unwrap().time, [0.0, 0.01]);
     for (text, expected) in [
         ("time,speed [furlong]\n0,1\n1,2\n", "unknown unit 'furlong'"),
-        ("time,speed [rpm]\n0,1\n1,2\n", "is recorded in rad/s, but speed is taken in m/s"),
+        ("time,speed [rpm]\n0,1\n1,2\n", "is recorded in rpm (rad/s), but speed is taken in m/s; radius"),
         ("time [m],speed\n0,1\n1,2\n", "time 'time': is recorded in m"),
     ] {
         let error = read(text, None).unwrap_err();

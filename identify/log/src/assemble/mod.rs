@@ -89,7 +89,17 @@ pub(crate) fn assemble(
         if let (Some(si), Some(input)) = (si, input)
             && si != input.unit
         {
-            return Err(fail(format!("is recorded in {si}, but {} is taken in {}", job.name, input.unit)));
+            let stated = match &job.source {
+                Resolved::Column(at) if job.rule.unit.is_none() => index.column(*at).unit.as_deref(),
+                _ => None,
+            };
+            let taken = input.unit;
+            let recorded = stated.map_or(si.to_owned(), |stated| format!("{stated} ({si})"));
+            let how = match (si, taken) {
+                ("rad/s", "m/s") | ("rad", "m") => "; radius = ... in a column map turns a rotation into a motion",
+                _ => "",
+            };
+            return Err(fail(format!("is recorded in {recorded}, but {} is taken in {taken}{how}", job.name)));
         }
         job.rule.shape(&time, &mut values).map_err(fail)?;
         if let (Some(condition), columns) = (&job.rule.missing_if, &job.condition) {
