@@ -35,33 +35,44 @@ fn a_speed_that_comes_late_contradicts() {
 /// equations, and in the first seconds.
 #[test]
 fn what_a_late_speed_spoils_is_within_its_standard_deviation_or_not_healthy() {
+    let own = |seed: u64| (Parameters::default(), drive(30.0, 3.0, 80 + seed, changing), [19.0, 0.95, 0.45]);
+    let other = |seed: u64| {
+        let (parameters, inputs) = rigid(30.0, 90 + seed);
+        (parameters, inputs, RIGID)
+    };
     for by in [0, 1, 2, 3, 5, 10] {
-        let (mut beyond, mut within, mut samples) = ([0; 3], [0; 3], 0);
-        let mut count = |parameters: &Parameters, inputs: &[Inputs], truth: [f64; 3]| {
-            for out in &run(&mut begun(parameters), &late(inputs, by))[50..] {
-                samples += 1;
-                for (i, estimate) in [out.slip_stiffness, out.cg_height, out.cg_ratio].iter().enumerate() {
-                    let off = (estimate.value - truth[i]).abs() / estimate.std;
-                    beyond[i] += usize::from(out.diagnostics.healthy && off > 3.0);
-                    within[i] += usize::from(off < 2.0);
+        let counted = |runs: &dyn Fn(u64) -> (Parameters, Vec<Inputs>, [f64; 3])| {
+            let (mut beyond, mut within, mut samples) = ([0.0; 3], [0.0; 3], 0.0);
+            for seed in 0..4 {
+                let (parameters, inputs, truth) = runs(seed);
+                for out in &run(&mut begun(&parameters), &late(&inputs, by))[50..] {
+                    samples += 1.0;
+                    for (i, estimate) in [out.slip_stiffness, out.cg_height, out.cg_ratio].iter().enumerate() {
+                        let off = (estimate.value - truth[i]).abs() / estimate.std;
+                        beyond[i] += f64::from(u8::from(out.diagnostics.healthy && off > 3.0));
+                        within[i] += f64::from(u8::from(off < 2.0));
+                    }
                 }
             }
+            [beyond, within].map(|counts| counts.map(|count| count / samples))
         };
-        for seed in 0..4 {
-            count(&Parameters::default(), &drive(30.0, 3.0, 80 + seed, changing), [19.0, 0.95, 0.45]);
-            let (parameters, inputs) = rigid(30.0, 90 + seed);
-            count(&parameters, &inputs, RIGID);
+        for (machine, [beyond, within]) in [("own", counted(&own)), ("other", counted(&other))] {
+            println!("{machine}, {by} samples late: healthy and beyond 3 std {beyond:.4?}, within 2 std {within:.3?}");
+            assert!(beyond.iter().all(|share| *share <= 0.01), "{machine}, {by}: {beyond:?}");
+            assert!(within[0] >= 0.85 && within[1..].iter().all(|share| *share >= 0.95), "{machine}, {by}: {within:?}");
         }
-        let share = |counts: [usize; 3]| counts.map(|count| count as f64 / samples as f64);
-        println!(
-            "{by} samples late: healthy and beyond 3 std {:.4?}, within 2 std {:.3?}",
-            share(beyond),
-            share(within)
-        );
-        // Late by a tenth of a second it is wrong in the first half of a second, too.
-        let most = [0.015, 0.001, 0.001];
-        assert!((0..3).all(|i| share(beyond)[i] <= most[i]), "{by}: {beyond:?} of {samples}");
-        assert!(share(within)[1..].iter().all(|share| *share >= 0.9), "{by}: {within:?} of {samples}");
+    }
+}
+
+/// What is learnt of the delay is kept while it lasts: then load transfer shows the height, although the speed may be late.
+#[test]
+fn two_minutes_of_strong_accelerating_and_braking_show_the_height() {
+    for seed in 0..4 {
+        let strong = |t: f64, v: f64| 380.0 + 3300.0 * (0.9 * t).sin() + 300.0 * (4.0 - v);
+        let outs = run(&mut begun(&Parameters::default()), &drive(120.0, 4.0, 80 + seed, strong));
+        let last = &outs[outs.len() - 1];
+        println!("seed {seed}: {:?}", last.cg_height);
+        assert!(last.cg_height_observable && (last.cg_height.value - 0.95).abs() < 2.0 * last.cg_height.std);
     }
 }
 

@@ -29,7 +29,10 @@ impl LoaderMachine {
 
     /// What a speed that comes late may have done to the estimates; what was given up knows nothing of it.
     fn doubt(&self, state: &State, stiffness: f64) -> Doubt {
-        if self.contradicted(state) { Doubt::default() } else { state.speed_evidence.doubt(stiffness) }
+        if self.contradicted(state) {
+            return Doubt::default();
+        }
+        state.speed_evidence.doubt(stiffness, self.uncertainty.learnt(0, state.belief.std(3)))
     }
 
     /// Fills the outputs, the motion carried `horizon` seconds forward with `inputs` held.

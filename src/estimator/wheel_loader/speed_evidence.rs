@@ -1,5 +1,6 @@
 //! Whether speed and slope can be what they are called.
 
+use super::coordinates::Map;
 use super::parameters::{Parameters, Radii};
 use crate::model::wheel_loader::{Drive, GRAVITY, SteadySlip};
 use nalgebra::{Matrix3, Vector3};
@@ -8,10 +9,14 @@ use serde::{Deserialize, Serialize};
 /// Memory of the regressions, s, and time of driving before a verdict.
 const MEMORY: f64 = 30.0;
 const VERDICT_TIME: f64 = 8.0;
+/// Memory of what is known of the delay, s.
+const DELAY_MEMORY: f64 = 300.0;
 /// Window over which is averaged, s: longer than tyres bounce, shorter than a machine accelerates.
 const WINDOW: f64 = 0.5;
 /// Windows of the momentum balance that count as one, for what changes slowly.
 const CLUSTER: f64 = 2.0;
+/// How often is asked what a delay may have done, s: the filter learns as fast.
+const ASKED: f64 = 0.1;
 /// Standard errors of a verdict.
 const CONFIDENCE: f64 = 5.0;
 /// Delay of the speed that spoils slip, s: at 3 m/s it changes the slip stiffness by its standard deviation.
@@ -25,7 +30,7 @@ const SLOPE_KNOWN: f64 = 0.15;
 /// Windows for which the noise counts that the sensors are said to have.
 const NOISE_WINDOWS: f64 = 6.0;
 /// Largest share of the slip that is put down to a delay.
-const LARGEST_SHARE: f64 = 0.8;
+const LARGEST_SHARE: f64 = 0.9;
 
 /// What is known before the first sample of `[1/K, d, tau]`, and the noise of a slip speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +39,9 @@ pub struct SlipSpeed {
     /// Variances of `1/K` and of the mean of the radii's errors, as the filter takes them.
     compliance: f64,
     radius: f64,
+    /// Power spectral densities of their drift, 1/s.
+    compliance_psd: f64,
+    radius_psd: f64,
     /// Variances of the delay of a speed that is late and of one that is not, s2.
     delay: f64,
     together: f64,
@@ -43,15 +51,19 @@ pub struct SlipSpeed {
 
 impl SlipSpeed {
     /// From the parameters.
-    pub fn new(p: &Parameters) -> Self {
-        let (initial, std) = (&p.initial, &p.filter.measurement_std);
+    pub fn new(p: &Parameters, map: &Map) -> Self {
+        let (initial, std, walk) = (&p.initial, &p.filter.measurement_std, &p.filter.process_psd);
         let [front, rear] = p.loader.wheel_radius();
+        let by_logit = map.unit[0] * map.derivative_of(0, initial.slip_stiffness);
         Self {
             stiffness: initial.slip_stiffness,
             compliance: (initial.slip_stiffness_std / initial.slip_stiffness.powi(2)).powi(2),
             radius: if p.filter.radii == Radii::Estimated { 0.5 * initial.wheel_radius_std.powi(2) } else { 0.0 },
+            compliance_psd: walk.slip_stiffness * (by_logit / initial.slip_stiffness.powi(2)).powi(2),
+            radius_psd: if p.filter.radii == Radii::Estimated { 0.5 * walk.wheel_radius } else { 0.0 },
             delay: std.speed_delay.powi(2),
-            together: std.speed_delay.min(p.sample_period).powi(2),
+            // Anywhere within a sample period, before or after.
+            together: std.speed_delay.min(p.sample_period / 3f64.sqrt()).powi(2),
             noise: std.speed.powi(2) + 0.25 * (front * front + rear * rear) * std.wheel_speed.powi(2),
         }
     }
@@ -77,24 +89,54 @@ pub struct Doubt {
 /// *A slope that gravity does not follow.* Over a second the speed gains what the forces give and the slope takes,
 /// `dv = T (a - kappa g sin alpha)`, with `kappa = 1` if the slope is one. In degrees, per cent or with the other sign it is
 /// not, and what is left is more than mass or rolling resistance can explain.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpeedEvidence {
     /// Time of driving, s.
     time: f64,
     window: Window,
-    /// Normal equations of `e = v x/K + v d + tau v'`, sum of `e^2`, windows in them.
+    /// What the windows before say of the slip speed.
+    slips: Slips,
+    posterior: Posterior,
+    late: bool,
+    /// What the delay may have done when that was last asked, which was so long ago, s.
+    effect: Effect,
+    since: f64,
+    /// Weight, sums of gravity `G`, of what the forces leave of `dv/T` `y`, of `G^2`, `G y`, `y^2`.
+    balance: [f64; 6],
+    sloping: bool,
+}
+
+/// Normal equations of `e = v x/K + v d + tau v'` over windows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Slips {
     normal: Matrix3<f64>,
     right: Vector3<f64>,
+    /// Sum of `e^2`.
     square: f64,
     windows: f64,
     /// Sum of the specific forces, weighted as the windows count for `1/K`.
     weighted_force: f64,
-    late: bool,
-    /// Root mean square of what the delay, as far as it is known, makes of the filter's `1/K`.
-    bias: f64,
-    /// Weight, sums of gravity `G`, of what the forces leave of `dv/T` `y`, of `G^2`, `G y`, `y^2`.
-    balance: [f64; 6],
-    sloping: bool,
+}
+
+/// Mean and covariance of `[1/K, d, tau]` by all windows and by what was known before the first.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Posterior {
+    mean: Vector3<f64>,
+    covariance: Matrix3<f64>,
+    /// Variance of a window's slip speed: by the sensors, or by the residuals, if this is larger.
+    noise: f64,
+    /// Sum of the squares of the innovations, each as far as it is noise, and windows in it.
+    residual: f64,
+    windows: f64,
+}
+
+/// What a delay, as far as it is known, makes of the filter's estimates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Effect {
+    /// Root mean square of its part of `1/K`.
+    compliance: f64,
+    /// Specific force at which the slips were seen, on average, m/s2.
+    specific_force: f64,
 }
 
 /// Sums over the present window.
@@ -112,37 +154,35 @@ struct Window {
     gravity: f64,
 }
 
-/// Mean square of a delay, s2, of which `mean` and `variance` are known if its variance before was that of a late speed.
-///
-/// A speed comes within a sample period of the wheel speeds or it is late, the one as likely as the other. What the windows say,
-/// the information `j` and `z = j tau`, makes the weight `exp(z^2 v/2)/sqrt(1 + P j)` of a delay whose variance was `P` and is
-/// `v = P/(1 + P j)`.
-fn mean_square_delay(mean: f64, variance: f64, [together, late]: [f64; 2]) -> f64 {
-    if variance <= 0.0 || late <= 0.0 {
-        return 0.0;
-    }
-    let (j, z) = ((1.0 / variance - 1.0 / late).max(0.0), mean / variance);
-    let [together, late] = [together, late].map(|before| {
-        let spread = 1.0 / (1.0 + before * j);
-        let after = before * spread;
-        (0.5 * (spread.ln() + z * z * after), after + (after * z).powi(2))
-    });
-    let share = 1.0 / (1.0 + (together.0 - late.0).exp());
-    (1.0 - share) * together.1 + share * late.1
-}
-
 impl SpeedEvidence {
+    /// Before the first sample.
+    pub fn new(known: &SlipSpeed) -> Self {
+        Self {
+            time: 0.0,
+            window: Window::default(),
+            slips: Slips::default(),
+            posterior: Posterior::new(known),
+            late: false,
+            effect: Effect::default(),
+            since: 0.0,
+            balance: [0.0; 6],
+            sloping: false,
+        }
+    }
+
     /// Whether speed or slope contradict the rest.
     pub fn contradicts(&self) -> bool {
         self.late || self.sloping
     }
 
-    /// What a delay may have done to an estimate of this slip stiffness.
-    pub fn doubt(&self, stiffness: f64) -> Doubt {
-        let share = (stiffness * self.bias).min(LARGEST_SHARE);
-        let weight = self.normal[(0, 0)];
-        let specific_force = if weight > 0.0 { self.weighted_force / weight } else { 0.0 };
-        Doubt { stiffness: share / (1.0 - share), specific_force }
+    /// What a delay may have done to an estimate of this slip stiffness that the data and not the initial value have made by
+    /// so much.
+    ///
+    /// The slip, not the stiffness, is off by a Gaussian: two standard deviations of the share make more than twice what one
+    /// does of its reciprocal. The stiffness' is half of what they do.
+    pub fn doubt(&self, stiffness: f64, learnt: f64) -> Doubt {
+        let share = (2.0 * stiffness * self.effect.compliance).min(LARGEST_SHARE);
+        Doubt { stiffness: learnt * 0.5 * share / (1.0 - share), specific_force: self.effect.specific_force }
     }
 
     /// Nothing was measured: the present window begins anew.
@@ -176,74 +216,42 @@ impl SpeedEvidence {
         window.samples += 1.0;
         window.x += Vector3::new(0.5 * v.abs() * (steady.demand[0] + steady.demand[1]), v, a);
         window.slip += 0.5 * (radius[0] * y[1] + radius[1] * y[2]) - v;
+        let window = *window;
         self.time = (self.time + dt).min(1e9);
-        if window.time < WINDOW {
+        self.since += dt;
+        let whole = window.time >= WINDOW;
+        if !whole && (self.since < ASKED || window.time <= 0.0) {
+            return false;
+        }
+        // The filter has learnt from the present window already.
+        let (slips, posterior) = (self.slips.with(&window), self.posterior.with(known, &window));
+        self.effect = slips.effect(known, &posterior);
+        self.since = 0.0;
+        if !whole {
             return false;
         }
         let before = self.contradicts();
-        let window = std::mem::take(&mut self.window);
-        self.judge_delay(known, &window);
+        (self.window, self.slips, self.posterior) = (Window::default(), slips, posterior);
+        self.judge_delay();
         self.judge_slope(&window, v);
         self.contradicts() && !before
     }
 
-    fn judge_delay(&mut self, known: &SlipSpeed, window: &Window) {
-        let (x, slip) = (window.x / window.samples, window.slip / window.samples);
-        let fading = 1.0 / (1.0 + WINDOW / MEMORY);
-        self.weighted_force = self.weighted_force * fading + x[0] * x[0] * window.gain / window.time;
-        self.normal = self.normal * fading + x * x.transpose();
-        self.right = self.right * fading + x * slip;
-        self.square = self.square * fading + slip * slip;
-        self.windows = self.windows * fading + 1.0;
-        let white = known.noise / window.samples;
-        let start = Vector3::new(1.0 / known.stiffness, 0.0, 0.0);
-        let as_filter = Vector3::new(known.compliance, known.radius, known.delay);
-        let mut noise = white;
-        let Some((theta, variance)) = self.posterior(&start, &as_filter, &mut noise) else { return };
-        // The filter has no delay among its unknowns.
-        let mean_square = mean_square_delay(theta[2], variance[2], [known.together, known.delay]);
-        let (a, b) = (self.normal[(0, 0)] + noise / known.compliance, self.normal[(0, 1)]);
-        let taken = if known.radius > 0.0 {
-            let d = self.normal[(1, 1)] + noise / known.radius;
-            (d * self.normal[(0, 2)] - b * self.normal[(1, 2)]) / (a * d - b * b)
-        } else {
-            self.normal[(0, 2)] / a
-        };
-        self.bias = taken.abs() * mean_square.sqrt();
+    /// Whether the windows prove a delay. A verdict believes nothing of what was known before.
+    fn judge_delay(&mut self) {
         if self.time < VERDICT_TIME {
             return;
         }
-        // A verdict believes nothing of what was known before.
-        let Some(inverse) = self.normal.try_inverse() else { return };
-        let theta = inverse * self.right;
-        let residual = (self.square - theta.dot(&self.right)).max(0.0) / (self.windows - 3.0).max(1.0);
+        let Slips { normal, right, square, windows, .. } = &self.slips;
+        let Some(inverse) = normal.try_inverse() else { return };
+        let theta = inverse * right;
+        let residual = (square - theta.dot(right)).max(0.0) / (windows - 3.0).max(1.0);
         let (tau, std) = (theta[2].abs(), (residual * inverse[(2, 2)].max(0.0)).sqrt());
         if tau > CONFIDENCE * std && tau - std > DELAY {
             self.late = true;
         } else if self.late && tau + std < DELAY {
             self.late = false;
         }
-    }
-
-    /// Mean and variances of `[1/K, d, tau]` by the windows and by what was known of them: `start`, with variances `known`.
-    /// `noise`, the variance of a window's slip speed by the sensors, becomes that by the residuals, if this is larger.
-    fn posterior(
-        &self,
-        start: &Vector3<f64>,
-        known: &Vector3<f64>,
-        noise: &mut f64,
-    ) -> Option<(Vector3<f64>, Vector3<f64>)> {
-        let solve = |noise: f64| {
-            // Nothing is known better than to the last digits: a standard deviation may be 0.
-            let information = known.map(|variance| noise / variance.max(1e-20));
-            let inverse = (self.normal + Matrix3::from_diagonal(&information)).try_inverse()?;
-            Some((inverse * (self.right + information.component_mul(start)), inverse.diagonal()))
-        };
-        let (theta, _) = solve(*noise)?;
-        let residual = (self.square - 2.0 * theta.dot(&self.right) + theta.dot(&(self.normal * theta))).max(0.0);
-        *noise = noise.max((NOISE_WINDOWS * *noise + residual) / (NOISE_WINDOWS + self.windows));
-        let (theta, diagonal) = solve(*noise)?;
-        Some((theta, diagonal.map(|variance| (variance * *noise).max(0.0))))
     }
 
     fn judge_slope(&mut self, window: &Window, v: f64) {
@@ -270,5 +278,101 @@ impl SpeedEvidence {
         } else if self.sloping && unexplained < 0.5 * UNEXPLAINED && (kappa - 1.0).abs() < SLOPE_ERROR + std {
             self.sloping = false;
         }
+    }
+}
+
+impl Slips {
+    /// With one more window; one that is not over counts as much as it has lasted.
+    fn with(&self, window: &Window) -> Self {
+        let (x, slip) = (window.x / window.samples, window.slip / window.samples);
+        let part = (window.time / WINDOW).min(1.0);
+        let fading = 1.0 / (1.0 + part * WINDOW / MEMORY);
+        let force = if window.time > 0.0 { window.gain / window.time } else { 0.0 };
+        Self {
+            normal: self.normal * fading + x * x.transpose() * part,
+            right: self.right * fading + x * (slip * part),
+            square: self.square * fading + slip * slip * part,
+            windows: self.windows * fading + part,
+            weighted_force: self.weighted_force * fading + x[0] * x[0] * force * part,
+        }
+    }
+
+    /// What a delay makes of the filter's estimates, which has none among its unknowns. `posterior`: what these windows and
+    /// those long before say of it.
+    fn effect(&self, known: &SlipSpeed, posterior: &Posterior) -> Effect {
+        let mean_square = posterior.mean_square_delay(known);
+        let noise = posterior.noise;
+        let (a, b) = (self.normal[(0, 0)] + noise / known.compliance, self.normal[(0, 1)]);
+        let taken = if known.radius > 0.0 {
+            let d = self.normal[(1, 1)] + noise / known.radius;
+            (d * self.normal[(0, 2)] - b * self.normal[(1, 2)]) / (a * d - b * b)
+        } else {
+            self.normal[(0, 2)] / a
+        };
+        let weight = self.normal[(0, 0)];
+        let specific_force = if weight > 0.0 { self.weighted_force / weight } else { 0.0 };
+        Effect { compliance: taken.abs() * mean_square.sqrt(), specific_force }
+    }
+}
+
+impl Posterior {
+    /// Before the first window.
+    fn new(known: &SlipSpeed) -> Self {
+        let variance = Vector3::new(known.compliance, known.radius, known.delay);
+        Self {
+            mean: Vector3::new(1.0 / known.stiffness, 0.0, 0.0),
+            covariance: Matrix3::from_diagonal(&variance),
+            noise: 0.0,
+            residual: 0.0,
+            windows: 0.0,
+        }
+    }
+
+    /// With one more window, by a Kalman filter; one that is not over counts as much as it has lasted.
+    fn with(&self, known: &SlipSpeed, window: &Window) -> Self {
+        let (x, slip) = (window.x / window.samples, window.slip / window.samples);
+        let part = (window.time / WINDOW).min(1.0);
+        if part <= 0.0 {
+            return *self;
+        }
+        let mut new = *self;
+        // Tyres, ground and pressures change as the filter takes them to, a signal's delay hardly.
+        let lasted = part * WINDOW;
+        new.covariance[(0, 0)] += known.compliance_psd * lasted;
+        new.covariance[(1, 1)] += known.radius_psd * lasted;
+        if new.covariance[(2, 2)] < known.delay {
+            new.covariance[(2, 2)] *= 1.0 + lasted / DELAY_MEMORY;
+        }
+        let white = known.noise * part / window.samples;
+        let noise = white.max((NOISE_WINDOWS * white + self.residual) / (NOISE_WINDOWS + self.windows));
+        let gain = new.covariance * x;
+        let (innovation, variance) = (slip - x.dot(&self.mean), x.dot(&gain) + noise / part);
+        new.mean += gain * (innovation / variance);
+        new.covariance -= gain * gain.transpose() / variance;
+        let memory = 1.0 / (1.0 + part * WINDOW / MEMORY);
+        new.residual = memory * self.residual + noise * innovation * innovation / variance;
+        new.windows = memory * self.windows + part;
+        new.noise = noise;
+        new
+    }
+
+    /// Mean square of the delay, s2.
+    ///
+    /// A speed comes within a sample period of the wheel speeds or it is late, the one as likely as the other. What the windows
+    /// say, the information `j` and `z = j tau`, makes the weight `exp(z^2 v/2)/sqrt(1 + P j)` of a delay whose variance was `P` and
+    /// is `v = P/(1 + P j)`.
+    fn mean_square_delay(&self, known: &SlipSpeed) -> f64 {
+        let (mean, variance) = (self.mean[2], self.covariance[(2, 2)]);
+        if variance <= 0.0 || known.delay <= 0.0 {
+            return 0.0;
+        }
+        let (j, z) = ((1.0 / variance - 1.0 / known.delay).max(0.0), mean / variance);
+        let [together, late] = [known.together, known.delay].map(|before| {
+            let spread = 1.0 / (1.0 + before * j);
+            let after = before * spread;
+            (0.5 * (spread.ln() + z * z * after), after + (after * z).powi(2))
+        });
+        let share = 1.0 / (1.0 + (together.0 - late.0).exp());
+        (1.0 - share) * together.1 + share * late.1
     }
 }

@@ -64,7 +64,7 @@ impl Uncertainty {
     }
 
     /// How much of an unknown the data and not the initial values have made.
-    fn learnt(&self, i: usize, theta_std: f64) -> f64 {
+    pub fn learnt(&self, i: usize, theta_std: f64) -> f64 {
         let left = theta_std / self.initial_theta_std[i];
         (1.0 - left * left).max(0.0)
     }
