@@ -11,7 +11,8 @@ pub fn hampel(x: &mut [f64], period: f64) -> usize {
     let raw = x.to_vec();
     // The samples around the current one in order: its median is in the middle.
     let mut around: Vec<f64> = Vec::with_capacity(2 * reach + 2);
-    let place = |around: &[f64], value: f64| around.partition_point(|other| *other < value);
+    // Noise decides every comparison of a bisection: to count them all is faster in windows this short.
+    let place = |around: &[f64], value: f64| around.iter().filter(|other| **other < value).count();
     let enter = |around: &mut Vec<f64>, value: f64| {
         if value.is_finite() {
             around.insert(place(around, value), value);
