@@ -64,7 +64,7 @@ pub enum End {
     Passed,
     /// A bound of the parameter, or of what it is made of.
     Bound,
-    /// Nowhere: it is still below when the value is [`FARTHEST`] standard deviations away.
+    /// Nowhere: it is still below when the value is a hundred standard deviations away.
     Open,
 }
 

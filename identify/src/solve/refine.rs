@@ -82,7 +82,7 @@ pub struct Smooth<'a> {
     pub fuller: Option<&'a Residuals<'a>>,
     /// Subtract the bias that this causes.
     pub correct: bool,
-    /// The unknowns whose [`profile`] is wanted.
+    /// The unknowns whose [`profile`](mod@super::profile) is wanted.
     pub profiled: Vec<usize>,
     /// Where to tell how far it is.
     pub progress: Progress,
