@@ -11,7 +11,11 @@ const SEEDS: u64 = 3;
 
 /// Scores of a kind on a ride between two times, one per seed; sensors are biased where the kind knows biases.
 fn runs(setup: &Ride, heading: f64, kind: Kind, from: f64, to: f64) -> Vec<Scores> {
-    (0..SEEDS)
+    runs_of(SEEDS, setup, heading, kind, from, to)
+}
+
+fn runs_of(seeds: u64, setup: &Ride, heading: f64, kind: Kind, from: f64, to: f64) -> Vec<Scores> {
+    (0..seeds)
         .map(|seed| {
             let (mut normal, mut setup) = (Normal::new(6000 + seed), *setup);
             if kind != Kind::Basic {
@@ -70,6 +74,7 @@ fn a_cross_slope_disturbs_no_pitch_and_is_found() {
 fn on_no_ground_an_estimate_is_wrong_and_healthy() {
     let base = Ride::default();
     let (ramp, cross) = (tilted_from(4.0, 8.0), tilted_from(2.0, 5.0));
+    let steady = Ride { ramp: Ramp::constant(4_f64.to_radians()), ..base };
     let rides = [
         ("starts on 1 degree", Ride { cross: Ramp::constant(1_f64.to_radians()), ..base }, FRAC_PI_2),
         (
@@ -87,19 +92,24 @@ fn on_no_ground_an_estimate_is_wrong_and_healthy() {
             Ride { ramp, heading: FRAC_PI_3, moment_reported: false, ..base },
             FRAC_PI_3,
         ),
+        ("starts braked up the ramp", steady, FRAC_PI_2),
+        ("starts braked at 60 degrees", Ride { heading: FRAC_PI_3, ..steady }, FRAC_PI_3),
+        ("starts braked at 0 degrees", Ride { heading: 0.0, ..steady }, 0.0),
     ];
     for kind in KINDS {
         for (what, setup, heading) in &rides {
             for s in runs(setup, *heading, kind, 0.0, 30.0) {
                 let sure = [s.slope, s.pitch, s.heading, s.speed].map(|score| score.wrong_and_sure);
-                // Hands that steer unseen show after seconds only: in the heading, and in a bias that moves as none does.
-                let unseen = what.contains("60 degrees, unreported");
+                let hands = what.contains("60 degrees, unreported");
+                let braked = what.contains("braked");
                 let most = match kind {
-                    Kind::Basic | Kind::AccelerationInput if unseen => 0.12,
+                    _ if hands || braked => 0.01,
                     Kind::Basic | Kind::AccelerationInput => 0.03,
                     Kind::Bias | Kind::GravityVector => 0.01,
                 };
                 assert!(sure.iter().all(|share| *share <= most), "{kind:?}, {what}: {s:?}");
+                // Hands that hold the chair on the slope hide nothing of it.
+                assert!(!hands || (s.slope.rms <= 0.006 && s.healthy >= 0.97), "{kind:?}, {what}: {s:?}");
             }
         }
     }
@@ -153,5 +163,54 @@ fn after_the_cobbles_an_estimate_is_as_good_as_without() {
         println!("{kind:?}: pitch {:.5} after cobbles, {:.5} without", mean(&after), mean(&calm));
         assert!(mean(&after) <= 1.3 * mean(&calm) + 2e-4, "{kind:?}: {} {}", mean(&after), mean(&calm));
         assert!(after.iter().all(|s| s.healthy == 1.0));
+    }
+}
+
+/// The table of the module's page, four seeds:
+/// `cargo test -p wheelstate --test main wheelchair::ground::table -- --ignored --nocapture`.
+#[test]
+#[ignore = "prints a table, bounds are held by the others"]
+fn table_of_errors_and_of_what_is_healthy_and_beyond_three_deviations() {
+    let base = Ride::default();
+    let (ramp, cross) = (tilted_from(4.0, 8.0), tilted_from(2.0, 5.0));
+    let steady = Ride { ramp: Ramp::constant(4_f64.to_radians()), ..base };
+    let rides = [
+        ("flat", base, FRAC_PI_2),
+        ("ramp, 4 degrees", Ride { ramp, ..base }, FRAC_PI_2),
+        ("the same at 60 degrees", Ride { ramp, heading: FRAC_PI_3, ..base }, FRAC_PI_3),
+        ("the same, moment not reported", Ride { ramp, heading: FRAC_PI_3, moment_reported: false, ..base }, FRAC_PI_3),
+        ("ramp, `initial.heading` 0", Ride { ramp, ..base }, 0.0),
+        ("starts braked on the ramp", steady, FRAC_PI_2),
+        ("the same at 60 degrees", Ride { heading: FRAC_PI_3, ..steady }, FRAC_PI_3),
+        ("the same at 0 degrees", Ride { heading: 0.0, ..steady }, 0.0),
+        ("cross slope, 2 degrees", Ride { cross, ..base }, FRAC_PI_2),
+        ("the same, moment not reported", Ride { cross, moment_reported: false, ..base }, FRAC_PI_2),
+        ("circles on it", Ride { cross, turning: 0.3, ..base }, FRAC_PI_2),
+        ("ramp, shaken by 0.2 m/s2", cobbles(0.2, 0.0), FRAC_PI_2),
+        ("ramp, shaken by 1 m/s2", cobbles(1.0, 0.0), FRAC_PI_2),
+        ("the same, coloured", cobbles(1.0, 0.7), FRAC_PI_2),
+    ];
+    for (ground, setup, heading) in rides {
+        print!("| {ground} |");
+        for kind in KINDS {
+            let all = runs_of(4, &setup, heading, kind, 0.0, 30.0);
+            let rms = |pick: fn(&Scores) -> f64| {
+                1e3 * (all.iter().map(|s| pick(s).powi(2)).sum::<f64>() / all.len() as f64).sqrt()
+            };
+            let mean = |pick: fn(&Scores) -> f64| 100.0 * all.iter().map(pick).sum::<f64>() / all.len() as f64;
+            let sure = worst(&all, |s| {
+                [s.slope, s.pitch, s.heading, s.speed].map(|score| score.wrong_and_sure).into_iter().fold(0.0, f64::max)
+            });
+            print!(
+                " {:.1} {:.1} {:.1}, {:.0} {:.0} {:.1} |",
+                rms(|s| s.pitch.rms),
+                rms(|s| s.slope.rms),
+                rms(|s| s.heading.rms),
+                mean(|s| s.pitch.within).min(mean(|s| s.slope.within)),
+                mean(|s| s.healthy),
+                100.0 * sure
+            );
+        }
+        println!();
     }
 }

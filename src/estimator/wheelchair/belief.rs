@@ -83,6 +83,15 @@ impl ChairBelief {
         }
     }
 
+    /// Variance of the yaw rate, rad^2/s^2.
+    pub(super) fn yaw_rate_variance(&self) -> f64 {
+        match self {
+            Self::Basic(belief) => belief.covariance[(model::R, model::R)],
+            Self::Biased(belief) => belief.covariance[(model::R, model::R)],
+            Self::Gravity(belief) => belief.covariance[(gravity::R, gravity::R)],
+        }
+    }
+
     /// Tilt of the ground, 1 where the chair stands on end.
     pub(super) fn tilt(&self) -> f64 {
         match self {

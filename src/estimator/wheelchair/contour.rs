@@ -3,6 +3,8 @@
 
 use super::belief::biases;
 use super::ekf::Noise;
+use super::forms::add_paired_noise;
+use super::held::Held;
 use super::parameters::{InitialParameters, Kind, Model, Parameters};
 use super::{ChairBelief, ChairMachine, State};
 use crate::filter::gaussian::Gaussian;
@@ -23,6 +25,12 @@ const UNKNOWN_TILT_RATE: f64 = 0.1;
 const UNKNOWN_POSE: f64 = 0.02;
 const UNKNOWN_SPEED: f64 = 0.2;
 const UNKNOWN_YAW_RATE: f64 = 0.2;
+/// A chair that is faster than this, m/s, is not held by a brake.
+const MOVING: f64 = 0.1;
+/// Ground is level, as far as the start knows, up to so many standard deviations of the specific force.
+const LEVEL: f64 = 3.0;
+/// Time in which a brake's force changes by as much as it may be, s.
+const BRAKE_TIME: f64 = 1.0;
 /// With more than this share of gravity along the heading the contour line bears on the pitch.
 const ACROSS_ONLY: f64 = 0.25;
 
@@ -53,16 +61,35 @@ pub(super) fn start(parameters: &Parameters) -> Gaussian<15> {
     Gaussian::independent(mean, &std)
 }
 
-/// At the first sample, a leftward specific force beyond what tilt and bias together are expected to make is ground that
-/// is less level than expected: the variance of its tilt grows until the sample is a usual one.
-pub(super) fn widen_tilt(belief: &mut Gaussian<15>, left: f64, noise: &Noise, gravity: f64) {
-    let (tilt, bias) = (gravity::GY, biased_gravity::GYRO_BIAS + 2);
-    let off = left - gravity * belief.mean[tilt] - belief.mean[bias];
+/// Tilt and bias that the forward and the leftward accelerometer read.
+const FORWARD: [usize; 2] = [gravity::GX, biased_gravity::GYRO_BIAS + 1];
+const LEFTWARD: [usize; 2] = [gravity::GY, biased_gravity::GYRO_BIAS + 2];
+
+/// At the start, a specific force beyond what tilt and bias together are expected to make is ground that is less level than
+/// expected: the variance of its tilt grows until the reading is a usual one.
+fn widen_tilt(belief: &mut Gaussian<15>, [tilt, bias]: [usize; 2], read: f64, noise: &Noise, gravity: f64) -> bool {
+    let off = read - gravity * belief.mean[tilt] - belief.mean[bias];
     let known = gravity * gravity * belief.covariance[(tilt, tilt)] + belief.covariance[(bias, bias)];
-    let beyond = off * off - known - noise.accel * noise.accel;
+    widen(belief, tilt, off, known + noise.accel * noise.accel, gravity)
+}
+
+/// The same for the slope across the contour line.
+fn widen_across(belief: &mut Gaussian<13>, read: [f64; 2], noise: &Noise, gravity: f64) -> bool {
+    let (x, bias) = (&belief.mean, model::GYRO_BIAS + 1);
+    let (sa, ca) = x[model::ALPHA].sin_cos();
+    let up = sa * (read[0] - x[bias]) + ca * (read[1] - x[bias + 1]);
+    let off = up - gravity * x[model::XI].sin();
+    let known = gravity * gravity * belief.covariance[(model::XI, model::XI)] + belief.covariance[(bias, bias)];
+    widen(belief, model::XI, off, known + noise.accel * noise.accel, gravity)
+}
+
+/// Widens a tilt by what a specific force is off beyond its variance. Returns whether that is improbable.
+fn widen<const N: usize>(belief: &mut Gaussian<N>, tilt: usize, off: f64, known: f64, gravity: f64) -> bool {
+    let beyond = off * off - known;
     if beyond > 0.0 {
         belief.inflate(tilt, (beyond / (gravity * gravity)).min(UNKNOWN_TILT * UNKNOWN_TILT));
     }
+    off * off > LEVEL * LEVEL * known
 }
 
 /// Noise of the direction of gravity; what the kind knows exactly does not drift.
@@ -124,6 +151,74 @@ impl ChairMachine {
         match self.parameters.filter.kind {
             Kind::Basic => 0.0,
             Kind::Bias | Kind::AccelerationInput | Kind::GravityVector => self.parameters.initial.accel_bias_std,
+        }
+    }
+
+    /// At the first sample, widens the slope by what the forward and leftward specific force, m/s^2, say of it. A chair that
+    /// stands on such ground is held by a brake, which nobody reports. `basic`, to which forces are exact, knows no brake.
+    pub(super) fn widen_slope(&self, state: &mut State, read: [f64; 2]) {
+        let gravity = self.chair.gravity;
+        state.may_be_braked = match &mut state.belief {
+            ChairBelief::Basic(_) => false,
+            ChairBelief::Biased(belief) => widen_across(belief, read, &self.biased.noise, gravity),
+            ChairBelief::Gravity(belief) => {
+                let noise = &self.gravity.noise;
+                widen_tilt(belief, LEFTWARD, read[1], noise, gravity);
+                widen_tilt(belief, FORWARD, read[0], noise, gravity)
+            }
+        };
+        if state.may_be_braked {
+            let held = self.brake_std();
+            self.inflate_force(&mut state.belief, held * held);
+        }
+    }
+
+    /// Until the chair moves, force and moment of the brake may be any and may end at any time; then there are none.
+    pub(super) fn let_brakes_hold(&self, state: &mut State, dt: f64) {
+        if !state.may_be_braked {
+            return;
+        }
+        // What hands hold shows when the brake is off.
+        state.watch.held = Held::default();
+        if state.belief.motion().0.abs() <= MOVING {
+            let held = self.brake_std();
+            self.inflate_force(&mut state.belief, held * held * dt / BRAKE_TIME);
+            let turning = held * self.chair.body.com_ahead / self.chair.inertia_at_axle();
+            if let ChairBelief::Biased(belief) = &mut state.belief {
+                let density = 2.0 * BRAKE_TIME * turning * turning;
+                add_paired_noise(&mut belief.covariance, dt, [(model::ALPHA, model::R, density)]);
+            }
+            return;
+        }
+        state.may_be_braked = false;
+        if self.takes_force() {
+            let variance = self.parameters.initial.force_offset_std.powi(2);
+            match &mut state.belief {
+                ChairBelief::Basic(_) => {}
+                ChairBelief::Biased(belief) => belief.reset_state(model::FORCE_OFFSET, 0.0, variance),
+                ChairBelief::Gravity(belief) => belief.reset_state(biased_gravity::FORCE_OFFSET, 0.0, variance),
+            }
+        }
+    }
+
+    /// Standard deviation of a brake's force, N.
+    fn brake_std(&self) -> f64 {
+        self.chair.body.mass * self.chair.gravity * UNKNOWN_TILT
+    }
+
+    /// Whether the force's errors are states.
+    fn takes_force(&self) -> bool {
+        matches!(self.parameters.filter.kind, Kind::Bias | Kind::GravityVector)
+    }
+
+    fn inflate_force(&self, belief: &mut ChairBelief, variance: f64) {
+        if !self.takes_force() {
+            return;
+        }
+        match belief {
+            ChairBelief::Basic(_) => {}
+            ChairBelief::Biased(belief) => belief.inflate(model::FORCE_OFFSET, variance),
+            ChairBelief::Gravity(belief) => belief.inflate(biased_gravity::FORCE_OFFSET, variance),
         }
     }
 

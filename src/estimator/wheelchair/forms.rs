@@ -38,7 +38,7 @@ pub struct GravityVector {
 }
 
 /// Adds the noise of (position, rate) pairs.
-fn add_paired_noise<const N: usize>(
+pub(super) fn add_paired_noise<const N: usize>(
     covariance: &mut SMatrix<f64, N, N>,
     dt: f64,
     pairs: impl IntoIterator<Item = (usize, usize, f64)>,

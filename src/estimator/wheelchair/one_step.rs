@@ -9,7 +9,6 @@ use crate::estimator::Elapsed;
 use crate::estimator::one_step::{Belief, OneStepPrediction, PredictedMeasurement, Transition, dynamic};
 use crate::filter::discretise::{runge_kutta_from, substeps, transition};
 use crate::filter::gaussian::Gaussian;
-use crate::model::wheelchair::Command;
 use nalgebra::{SMatrix, SVector};
 
 /// The rows of a sample.
@@ -40,7 +39,7 @@ impl ChairMachine {
             self.end_standstill(&mut state.belief);
         }
         let drive = Drive {
-            command: Command::from(state.command),
+            command: self.acting(&state, state.command),
             accel_x: state.accel_x,
             vibration: state.watch.vibration.forward,
             still,
@@ -51,7 +50,7 @@ impl ChairMachine {
             let cross = of_kind!(self, &before.belief, |filter, belief| filter.cross_covariance(belief, dt, &drive));
             into.transition = Some(Transition { predicted: of(&state.belief), cross });
         }
-        let command = Command::new(inputs.drive_force, inputs.drive_moment);
+        let command = self.acting(&state, [inputs.drive_force, inputs.drive_moment]);
         let drive = Drive { command, accel_x: None, vibration: 0.0, still };
         let State { belief, watch, .. } = &mut state;
         of_kind!(self, &*belief, |filter, belief| filter.expect(belief, (watch, dt), &sample, &drive, into));

@@ -4,7 +4,7 @@ use super::attitude::{Attitude, attitude};
 use super::ekf::{Drive, wrap};
 use super::{ChairBelief, ChairMachine, Inputs, Outputs, State};
 use crate::filter::gaussian::Gaussian;
-use crate::model::wheelchair::{self as model, Command, biased_gravity, gravity, pitch};
+use crate::model::wheelchair::{self as model, biased_gravity, gravity, pitch};
 use crate::variable::Estimate;
 use nalgebra::SVector;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -38,7 +38,7 @@ fn estimate<const N: usize>(mean: &SVector<f64, N>, belief: &Gaussian<N>, index:
 impl ChairMachine {
     pub(super) fn report(&self, state: &State, inputs: &Inputs, horizon: f64, outputs: &mut Outputs) {
         let drive = Drive {
-            command: Command::new(inputs.drive_force, inputs.drive_moment),
+            command: self.acting(state, [inputs.drive_force, inputs.drive_moment]),
             accel_x: Some(inputs.accel_x).filter(|a| a.is_finite()),
             vibration: 0.0,
             still: state.standstill.is_still() && self.parameters.filter.detect_standstill,
@@ -48,11 +48,23 @@ impl ChairMachine {
         match &state.belief {
             ChairBelief::Basic(belief) => {
                 let mean = self.basic.carry_forward(&belief.mean, horizon, &drive);
-                self.report_chair(&mean, belief, self.tilt_along_contour(state), outputs);
+                self.report_chair(
+                    &mean,
+                    belief,
+                    self.tilt_along_contour(state),
+                    self.slope_std_of_held(state),
+                    outputs,
+                );
             }
             ChairBelief::Biased(belief) => {
                 let mean = self.biased.carry_forward(&belief.mean, horizon, &drive);
-                self.report_chair(&mean, belief, self.tilt_along_contour(state), outputs);
+                self.report_chair(
+                    &mean,
+                    belief,
+                    self.tilt_along_contour(state),
+                    self.slope_std_of_held(state),
+                    outputs,
+                );
                 report_biases(&mean, belief, [model::GYRO_BIAS, model::FORCE_GAIN], outputs);
                 outputs.heading_offset = estimate(&mean, belief, model::HEADING_OFFSET);
             }
@@ -72,12 +84,14 @@ impl ChairMachine {
     }
 
     /// The outputs that come from the first six states, with or without biases behind them; `along_contour` is the mean
-    /// square tilt that the ground may have along the contour line, rad^2.
+    /// square tilt that the ground may have along the contour line, rad^2, `held` the slope's standard deviation from what
+    /// hands may hold, rad.
     fn report_chair<const N: usize>(
         &self,
         x: &SVector<f64, N>,
         belief: &Gaussian<N>,
         along_contour: f64,
+        held: f64,
         outputs: &mut Outputs,
     ) {
         // (alpha, xi, w) and (alpha + pi, -xi, -w) are the same pose.
@@ -93,14 +107,17 @@ impl ChairMachine {
         let steeper = if chi > 0.0 { along_contour / xi.hypot(chi) } else { 0.0 };
         let turned_line = chi.atan2(xi).hypot(outputs.heading.std);
         outputs.heading.std = turned_line.min(UNKNOWN_HEADING.max(outputs.heading.std));
-        outputs.slope = Estimate::new(sign * x[model::XI], belief.std(model::XI).hypot(steeper));
+        outputs.slope = Estimate::new(sign * x[model::XI], belief.std(model::XI).hypot(steeper).hypot(held));
         outputs.slope_rate = Estimate::new(sign * x[model::W], belief.std(model::W));
         let (angle, [by_heading, by_slope]) = pitch(x[model::ALPHA], x[model::XI]);
         let mut gradient = SVector::<f64, N>::zeros();
         (gradient[model::ALPHA], gradient[model::XI]) = (by_heading, by_slope);
         // Where the chair stands on end the gradient has a pole.
         let forward = x[model::ALPHA].cos() * chi;
-        outputs.pitch = Estimate::new(angle, belief.variance_along(&gradient).sqrt().hypot(forward).min(FRAC_PI_2));
+        outputs.pitch = Estimate::new(
+            angle,
+            belief.variance_along(&gradient).sqrt().hypot(forward).hypot(by_slope * held).min(FRAC_PI_2),
+        );
     }
 }
 

@@ -6,6 +6,7 @@
 //! followed here by filters of one state each, which wait the longer the noisier the sensor is. The source has
 //! nothing of the kind.
 
+use super::held::Held;
 use super::outliers::ACCEL_X;
 use super::vibration::Vibration;
 use crate::filter::ekf::Rows;
@@ -15,7 +16,7 @@ use serde::{Deserialize, Serialize};
 /// Row of the leftward accelerometer.
 pub(super) const LEFT: usize = ACCEL_X + 1;
 /// Rows of heading and gyro.
-const HEADING: usize = 1;
+pub(super) const HEADING: usize = 1;
 const GYRO: usize = 2;
 /// Density of the tilt along the contour line, rad^2/s.
 const ACROSS: f64 = 1e-4;
@@ -79,6 +80,8 @@ impl Mean {
 pub struct Watch {
     /// Vibration of the accelerometer, as on cobbles.
     pub vibration: Vibration,
+    /// Moment with which the chair is held without a report.
+    pub held: Held,
     /// Tilt of the ground along the contour line, rad.
     across: Mean,
     /// Innovations of gyro and heading over their standard deviations.
@@ -94,9 +97,27 @@ pub struct Watch {
 impl Watch {
     /// Mean square tilt along the contour line that the innovations indicate, rad^2.
     pub fn tilt_along_contour(&self) -> f64 {
-        let seen =
-            if self.contour_is_contradicted() || self.gyro.is_significant() { SEEN_TILT * SEEN_TILT } else { 0.0 };
+        let seen = if self.contradicts_contour() { SEEN_TILT * SEEN_TILT } else { 0.0 };
         self.across.square() + seen
+    }
+
+    /// Whether a sensor contradicts the contour line.
+    pub fn contradicts_contour(&self) -> bool {
+        self.contour_is_contradicted() || self.gyro.is_significant()
+    }
+
+    /// Follows what hands hold over a step of `dt` seconds by what a correction added to the yaw rate, if it shows anything,
+    /// and the variance of that; see [`Held`]. Where the contour line is contradicted gravity's moment is not the one that
+    /// it gives.
+    pub(super) fn follow_held(&mut self, added: Option<(f64, f64)>, gravity: f64, dt: f64) {
+        if self.contradicts_contour() {
+            self.held = Held::default();
+            return;
+        }
+        self.held.wait(dt);
+        if let Some((added, variance)) = added {
+            self.held.update(added, gravity, variance, dt);
+        }
     }
 
     /// Whether the gyro is what contradicts the contour line.

@@ -252,7 +252,7 @@ impl Chair {
     }
 
     /// Yaw inertia about the driven axle, kg m^2 [IP + irot, IP = Ic + M l^2].
-    fn inertia_at_axle(&self) -> f64 {
+    pub fn inertia_at_axle(&self) -> f64 {
         let body = &self.body;
         let about_axle = body.yaw_inertia + body.mass * body.com_ahead * body.com_ahead;
         match self.dynamics {
