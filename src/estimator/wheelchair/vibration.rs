@@ -4,7 +4,8 @@
 //! innovations of neighbouring samples lie apart. With `D_k = E[(nu_t - nu_(t-k))^2]/2`, less the accelerometer's own noise, and
 //! vibration that is left after a sample to a share `c`, `D_1 = V (1 - c)` and `D_2 = V (1 - c^2)`: `c = D_2/D_1 - 1`.
 //! A filter that takes its noise for white needs the variance of white noise with the same mean over many samples,
-//! `V (1 + c)/(1 - c)`. The source has nothing of the kind.
+//! `V (1 + c)/(1 - c)`. Where the accelerometer drives the motion an onset counts at once: the velocity that vibration makes before
+//! it is known of would be taken for a slope. The source has nothing of the kind.
 
 use super::outliers::{ACCEL_X, DIVERGED};
 use crate::filter::ekf::Rows;
@@ -18,6 +19,13 @@ pub(super) const LARGEST: f64 = 12.0;
 pub(super) const LARGEST_DRIVEN: f64 = 25.0;
 /// Below the first ratio of `D_1` to the accelerometer's noise there is no vibration, from the second on all of it counts.
 const FELT: (f64, f64) = (1.5, 2.5);
+/// Time over which the share `c` is averaged, s, if the shorter one does not show more of it: `c` is a small difference.
+const COLOUR: f64 = 3.0;
+/// Where the accelerometer drives the motion, an onset is noticed over this time, s, if `D_1` is beyond `SUDDEN` times the
+/// accelerometer's variance, which its own noise does not reach. What is not counted until the long mean has followed has
+/// moved the slope by then.
+const ONSET: f64 = 0.04;
+const SUDDEN: f64 = 5.0;
 /// The largest share that vibration keeps after a sample.
 const SLOWEST: f64 = 0.8;
 /// `D_2/D_1` is at most 2 for what has any such share, and 4 for motion, which is smooth: up to the first ratio it counts
@@ -30,21 +38,35 @@ struct Axis {
     /// The last innovations, and how many of the last two samples there were.
     last: [f64; 2],
     samples: u8,
-    /// `D_1` and `D_2` with the accelerometer's own noise, (m/s^2)^2.
+    /// `D_1` and `D_2` with the accelerometer's own noise, (m/s^2)^2, over `TIME`, and over `COLOUR`.
     apart: [f64; 2],
+    colour: [f64; 2],
+    /// `D_1` over `ONSET`.
+    sudden: f64,
 }
 
 impl Axis {
-    /// Takes an innovation; `noise` is the accelerometer's variance, `share` of it enters the means,
-    /// and a difference squared of at most `largest` times the mean.
-    fn learn(&mut self, innovation: f64, noise: f64, share: f64, largest: f64) {
+    /// Takes an innovation; `noise` is the accelerometer's variance. The shares of a sample in the means are those of
+    /// `TIME`, `COLOUR` and `ONSET`, and a difference squared counts in the first two as at most `largest` times the mean.
+    fn learn(&mut self, innovation: f64, noise: f64, [share, colour, sudden]: [f64; 3], largest: f64) {
         let most = largest * (self.apart[0] + noise);
         for k in 0..usize::from(self.samples) {
             let difference = innovation - self.last[k];
-            self.apart[k] += share * ((0.5 * difference * difference).min(most) - self.apart[k]);
+            let half = 0.5 * difference * difference;
+            self.apart[k] += share * (half.min(most) - self.apart[k]);
+            self.colour[k] += colour * (half.min(most) - self.colour[k]);
+            if k == 0 {
+                self.sudden += sudden * (half - self.sudden);
+            }
         }
         self.last = [innovation, self.last[0]];
         self.samples = (self.samples + 1).min(2);
+    }
+
+    /// [`variance`](Self::variance), or what an onset shows if it is more.
+    fn with_onset(&self, noise: f64) -> f64 {
+        let onset = if self.sudden > SUDDEN * noise { self.sudden - noise } else { 0.0 };
+        self.variance(noise).max(onset)
     }
 
     /// Variance of white noise that does what the vibration does, (m/s^2)^2.
@@ -56,7 +78,8 @@ impl Axis {
         let neighbours = self.apart[0] - noise;
         let ratio = (self.apart[1] - noise) / neighbours;
         let broadband = ((MOTION.1 - ratio) / (MOTION.1 - MOTION.0)).clamp(0.0, 1.0);
-        let kept = (ratio - 1.0).clamp(0.0, SLOWEST);
+        let longer = (self.colour[1] - noise) / (self.colour[0] - noise).max(noise);
+        let kept = (longer.max(ratio) - 1.0).clamp(0.0, SLOWEST);
         felt * broadband * neighbours * (1.0 + kept) / ((1.0 - kept) * (1.0 - kept))
     }
 }
@@ -73,7 +96,7 @@ impl Vibration {
     /// Takes the innovations of a sample that came `dt` seconds after the last one and adds the vibration to the
     /// noise of the accelerometer's rows; `own` is the variance of the accelerometer alone.
     pub(super) fn add<const N: usize>(&mut self, rows: &mut Rows<N, 6>, own: f64, dt: f64, largest: f64) {
-        let share = 1.0 - (-dt / TIME).exp();
+        let shares = [TIME, COLOUR, ONSET].map(|time| 1.0 - (-dt / time).exp());
         for (k, axis) in self.axes.iter_mut().enumerate() {
             let row = ACCEL_X + k;
             // What is further off is a filter that has diverged.
@@ -82,9 +105,9 @@ impl Vibration {
                 axis.samples = 0;
                 continue;
             }
-            axis.learn(innovation, own, share, largest);
+            axis.learn(innovation, own, shares, largest);
             rows.noise[(row, row)] += axis.variance(own);
         }
-        self.forward = self.axes[0].variance(own);
+        self.forward = self.axes[0].with_onset(own);
     }
 }
