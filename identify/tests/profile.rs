@@ -253,3 +253,16 @@ fn the_product_that_the_logs_do_determine_is_said() {
     let told: Vec<_> = report.notes.iter().filter(|note| note.contains("mass * height = 64")).collect();
     assert!(!told.is_empty(), "{:?}", report.notes);
 }
+
+/// A single straight climb: refits with a mass of half or twice as much fit as well, which its standard error does not see.
+#[test]
+fn a_parameter_whose_profile_is_wider_than_its_standard_error_is_not_identified() {
+    let ride = Request { scenario: "climb".into(), seed: 1, settings: Vec::new() };
+    let log = vehicles::wheelchair::VEHICLE.simulate(&ride).unwrap();
+    let profile = vec!["chair.mass".to_owned()];
+    let request = FitRequest { profile, ..FitRequest::default() };
+    let report = vehicles::wheelchair::VEHICLE.fit(&[log], &request, &Progress::none()).unwrap();
+    let (mass, [low, high]) = (&report.parameters["chair.mass"], report.profiles[0].ci95);
+    assert!(high - low > 1.5 * (mass.ci95[1] - mass.ci95[0]), "{low} {high} {:?}", mass.ci95);
+    assert!(!mass.identified && report.warnings.iter().any(|text| text.contains("its profile is wider")));
+}

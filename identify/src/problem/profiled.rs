@@ -66,6 +66,14 @@ pub fn profiles(
                 .or_default()
                 .push(format!("its profile has no {side} end: the logs do not exclude even {edge:.3e} at 99.7 %"));
         }
+        let limits = found.judgement.limits;
+        let size = found.judgement.size.unwrap_or(found.value).abs();
+        let reach = profile.ci95.map(|end| (end - found.value).abs()).into_iter().fold(0.0, f64::max);
+        if reach.is_finite() && reach > HALF * limits.absolute_error.unwrap_or(limits.relative_error * size) {
+            let [low, high] = profile.ci95.map(|end| near(end, found.spread));
+            let what = format!("its profile is wider than its standard error: 95 % {low} to {high}");
+            doubts.entry(name.clone()).or_default().push(what);
+        }
         said.notes.push(words(&profile));
         said.profiles.push(profile);
     }
