@@ -150,18 +150,23 @@ impl Noise {
         self.last = residual;
     }
 
-    /// Variance of the residual times the number of samples that repeat the same information: filtered
+    /// Variance of the residual and the number of samples that repeat the same information: filtered
     /// residuals resemble their neighbours. From the correlation `r` of neighbours that number is
     /// `(1 + r) / (1 - r)` for first-order noise and `4 / sqrt(2 (1 - r))` for the smoother noise behind
     /// a critically damped filter; the smaller one fits the noise at hand.
-    fn effective_variance(&self) -> f64 {
+    fn moments(&self) -> (f64, f64) {
         if self.power <= 0.0 {
-            return 0.0;
+            return (0.0, 1.0);
         }
         let correlation = (self.lagged / self.power).clamp(0.0, 0.999);
         let first_order = (1.0 + correlation) / (1.0 - correlation);
         let second_order = 4.0 / (2.0 * (1.0 - correlation)).sqrt();
-        self.power / self.weight * first_order.min(second_order)
+        (self.power / self.weight, first_order.min(second_order))
+    }
+
+    fn effective_variance(&self) -> f64 {
+        let (variance, repeats) = self.moments();
+        variance * repeats
     }
 }
 
@@ -263,9 +268,9 @@ impl<const D: usize> Rls<D> {
         self.covariance * self.noise.effective_variance() + systematic
     }
 
-    /// Variance of the residual times the number of samples that repeat the same information.
-    pub fn effective_variance(&self) -> f64 {
-        self.noise.effective_variance()
+    /// Variance of the residual, and the number of samples that repeat the same information.
+    pub fn residual_moments(&self) -> (f64, f64) {
+        self.noise.moments()
     }
 
     /// Whether the numbers, which are finite, can have come from [`correct`](Self::correct).

@@ -79,8 +79,47 @@ pub struct MassState {
     at_bound_for: f64,
     /// Running means of regressor times innovation (the score) and of the squared regressor.
     score: [f64; 2],
-    /// Sums of the same that fade with [`CHANGE_TIME`].
-    lately: [f64; 2],
+    /// The samples of late, in [`LOOKS`] of different lengths.
+    lately: [Lately; LOOKS],
+}
+
+/// Sums over the samples of late with weights `w` that fade: what they say of a change of the load.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Lately {
+    /// `sum w E e`, N m/s2.
+    score: f64,
+    /// `sum w E^2`, m2/s4.
+    square: f64,
+    /// `sum w^2 E^2`, m2/s4.
+    spread: f64,
+    /// `sum w |E|`, m/s2.
+    size: f64,
+}
+
+impl Lately {
+    fn fade(&mut self, keep: f64) {
+        self.score *= keep;
+        self.square *= keep;
+        self.spread *= keep * keep;
+        self.size *= keep;
+    }
+
+    fn add(&mut self, regressor: f64, innovation: f64) {
+        self.score += regressor * innovation;
+        self.square += regressor * regressor;
+        self.spread += regressor * regressor;
+        self.size += regressor.abs();
+    }
+
+    /// The load off the estimate that explains the innovations best, kg, and its inverse variance, 1/kg2: zero if they say
+    /// nothing. The residual has this variance; `repeats` of its samples in a row say the same, but no more than there are.
+    fn change(&self, variance: f64, repeats: f64) -> (f64, f64) {
+        if self.spread < f64::MIN_POSITIVE {
+            return (0.0, 0.0);
+        }
+        let there = self.size * self.size / self.spread;
+        (self.score / self.square, self.square * self.square / (self.spread * variance * repeats.min(there)))
+    }
 }
 
 /// Time of updates at a bound after which the estimate is called implausible, s.
@@ -89,8 +128,10 @@ const BOUND_TIME: f64 = 0.5;
 const OLD_SHARE: f64 = 0.1;
 /// Share of the stops in which another load comes.
 const EXCHANGED: f64 = 0.1;
-/// Time over which the samples are asked whether the load has changed, s: as short as the filtered noise lets it be.
-const CHANGE_TIME: f64 = 0.2;
+/// Longest time over which the samples are asked whether the load has changed, s.
+const CHANGE_TIME: f64 = 0.9;
+/// In how many looks, each a third as long as the one before: a large change shows in few samples, a small one in many.
+const LOOKS: usize = 3;
 /// Odds that it has before they are asked.
 const CHANGE_ODDS: f64 = 0.02;
 /// Most that the logarithm of the odds may be: so certain is nothing.
@@ -161,7 +202,7 @@ impl MassEstimator {
             blocked_for: 0.0,
             at_bound_for: 0.0,
             score: [0.0; 2],
-            lately: [0.0; 2],
+            lately: [Lately::default(); LOOKS],
         }
     }
 
@@ -189,8 +230,11 @@ impl MassEstimator {
             self.seed(state);
         }
         self.filter(state, dt);
-        let keep = (-dt / CHANGE_TIME).exp();
-        state.lately = state.lately.map(|sum| keep * sum);
+        let mut keep = (-dt / CHANGE_TIME).exp();
+        for lately in &mut state.lately {
+            lately.fade(keep);
+            keep = keep * keep * keep;
+        }
         let moving = self.watch_stops(state, dt);
         state.blocked_for = if good { (state.blocked_for - dt).max(0.0) } else { self.block_time };
 
@@ -261,8 +305,9 @@ impl MassEstimator {
     /// beyond the bound are. The score over the mean squared regressor is how far they ask beyond it, kg.
     fn watch_bound(&self, state: &mut MassState, dt: f64) {
         let e = state.regressor;
-        state.lately[0] += e * state.rls.innovation;
-        state.lately[1] += e * e;
+        for lately in &mut state.lately {
+            lately.add(e, state.rls.innovation);
+        }
         let share = 1.0 - (-dt / BOUND_TIME).exp();
         state.score[0] += share * (e * state.rls.innovation - state.score[0]);
         state.score[1] += share * (e * e - state.score[1]);
@@ -324,23 +369,25 @@ impl MassEstimator {
         if stopped { EXCHANGED.sqrt() * self.nominal.1 } else { self.old_share(state) * self.nominal.1 }
     }
 
-    /// How far the load may have changed in motion, as the innovations of the last [`CHANGE_TIME`] say, kg.
+    /// How far the load may have changed in motion, as the innovations of late say, kg: by the look that says most, since
+    /// nobody knows when it did.
     ///
-    /// Their score over the squared regressors is a load `c` off the estimate, known with the information `j` in units of the
-    /// noise. A change that has the variance `P` of the nominal mass explains it better than none by the odds
-    /// `exp(j c^2 k/2)/sqrt(1 + P j)`, `k = P j/(1 + P j)`; it is then `k c`, with the variance `P/(1 + P j)`.
+    /// The innovations of a look are explained best by a load `c` off the estimate, known with the information `j`. A change
+    /// that has the variance `P` of the nominal mass explains them better than none by the odds `exp(j c^2 k/2)/sqrt(1 + P j)`,
+    /// `k = P j/(1 + P j)`; it is then `k c`, with the variance `P/(1 + P j)`.
     fn change_in_motion(&self, state: &MassState) -> f64 {
-        let ([score, square], noise) = (state.lately, state.rls.effective_variance());
-        if self.change_std.is_some() || square <= 0.0 || noise <= 0.0 {
+        let (variance, repeats) = state.rls.residual_moments();
+        if self.change_std.is_some() || variance <= 0.0 {
             return 0.0;
         }
         let prior = self.nominal.1 * self.nominal.1;
-        // Squared weights fade twice as fast.
-        let (c, j) = (score / square, 2.0 * square / noise);
-        let certain = prior * j / (1.0 + prior * j);
-        let odds = CHANGE_ODDS * (0.5 * j * c * c * certain).min(MOST_LOG_ODDS).exp() / (1.0 + prior * j).sqrt();
-        let mean_square = (certain * c).powi(2) + prior / (1.0 + prior * j);
-        (mean_square * odds / (1.0 + odds)).sqrt()
+        let mean_square = |lately: &Lately| {
+            let (c, j) = lately.change(variance, repeats);
+            let certain = prior * j / (1.0 + prior * j);
+            let odds = CHANGE_ODDS * (0.5 * j * c * c * certain).min(MOST_LOG_ODDS).exp() / (1.0 + prior * j).sqrt();
+            ((certain * c).powi(2) + prior / (1.0 + prior * j)) * odds / (1.0 + odds)
+        };
+        state.lately.iter().map(mean_square).fold(0.0, f64::max).sqrt()
     }
 
     /// Least squares keep the share `P/P_0` of what they knew when their covariance was `P_0`.

@@ -313,7 +313,7 @@ impl Machine for NursingMachine {
             (Some(filter), Some(sway)) => {
                 out.sway_status = sway.status;
                 // A wrong mass makes a force of the acceleration that the filter takes for one of the sway.
-                let unexplained = if mass.rls.valid { self.mass.std(mass) * mass.regressor.abs() } else { 0.0 };
+                let unexplained = if mass.rls.valid { out.load_mass.std * mass.regressor.abs() } else { 0.0 };
                 filter.estimate_under(sway, self.net_force(state, inputs), horizon, unexplained)
             }
             _ => {
