@@ -48,23 +48,11 @@ impl ChairMachine {
         match &state.belief {
             ChairBelief::Basic(belief) => {
                 let mean = self.basic.carry_forward(&belief.mean, horizon, &drive);
-                self.report_chair(
-                    &mean,
-                    belief,
-                    self.tilt_along_contour(state),
-                    self.slope_std_of_held(state),
-                    outputs,
-                );
+                self.report_chair(&mean, belief, state, outputs);
             }
             ChairBelief::Biased(belief) => {
                 let mean = self.biased.carry_forward(&belief.mean, horizon, &drive);
-                self.report_chair(
-                    &mean,
-                    belief,
-                    self.tilt_along_contour(state),
-                    self.slope_std_of_held(state),
-                    outputs,
-                );
+                self.report_chair(&mean, belief, state, outputs);
                 report_biases(&mean, belief, [model::GYRO_BIAS, model::FORCE_GAIN], outputs);
                 outputs.heading_offset = estimate(&mean, belief, model::HEADING_OFFSET);
             }
@@ -90,10 +78,10 @@ impl ChairMachine {
         &self,
         x: &SVector<f64, N>,
         belief: &Gaussian<N>,
-        along_contour: f64,
-        held: f64,
+        state: &State,
         outputs: &mut Outputs,
     ) {
+        let (along_contour, held) = (self.tilt_along_contour(state), self.slope_std_of_held(state));
         // (alpha, xi, w) and (alpha + pi, -xi, -w) are the same pose.
         let turned = self.parameters.filter.canonical_slope && x[model::XI] < 0.0;
         let sign = if turned { -1.0 } else { 1.0 };
