@@ -7,7 +7,7 @@ mod rest;
 
 use crate::columns::{ColumnMap, Rule, Selector, unit};
 use crate::error::quoted;
-use crate::recording::{Place, Recording};
+use crate::recording::{Place, Recording, Values};
 use crate::{Channel, Input, Log, LogError};
 use bring::{Bring, borrowed};
 pub(crate) use clock::join;
@@ -64,6 +64,8 @@ pub(crate) fn assemble(
         wanted.extend(base.map(|base| (base, 0)));
         notes.extend(loader.load(&mut recording.groups, &wanted)?);
     }
+    let unread = |at: &At| matches!(recording.groups[at.0].columns[at.1].values, Values::Unread);
+    debug_assert!(!used.iter().any(unread), "a column that a channel is made of was not read");
     let index = Index::new(&recording);
 
     let Times { clocks, base, time } = log_times(&recording, &index, base, &used, time_rule)?;

@@ -83,7 +83,8 @@
 //! channel = 1            # the bus, where messages are on several: a number, or a name as candump's "can0"
 //! ```
 //!
-//! Columns that no channel is read from keep their own names; what is not used never refuses a file.
+//! Columns that no channel is read from keep their own names where all of a log is wanted, as by `convert`; other commands
+//! leave them unread. What is not used never refuses a file.
 
 mod expression;
 mod names;
