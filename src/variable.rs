@@ -424,7 +424,7 @@ macro_rules! code {
 /// Declares a struct of variables and groups; the module's page has an example.
 ///
 /// A variable is `name: type = start, "unit", [low, high], flags;` below its description, in which
-/// the range may be left out and the flags are those of [`Variable`](crate::Variable): `tunable`, `measured`, `held`,
+/// the range may be left out and the flags are those of [`Variable`]: `tunable`, `measured`, `held`,
 /// `optional`, `process_noise`, `measurement_noise`, `essential`. A group is `name: Type;`, and `@flat name: Type;` if
 /// its variables keep their names outside.
 #[macro_export]

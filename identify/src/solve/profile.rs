@@ -98,7 +98,7 @@ pub struct Subject<'a> {
     pub theta: &'a [f64],
     /// The function.
     pub of: &'a Function,
-    /// Its standard deviation, as the interval has it, and as the cost has it.
+    /// Its standard deviation, as the interval has it.
     pub std: f64,
     /// The same as the cost has it.
     pub std_of_cost: f64,
