@@ -9,6 +9,8 @@ use std::thread::JoinHandle;
 
 /// From so many bytes on another thread hashes, beside the reader.
 const LARGE: u64 = 1 << 20;
+/// Bytes of a file that are hashed at once.
+const BLOCK: usize = 1 << 18;
 /// Blocks that may wait for the other thread.
 const WAITING: usize = 16;
 
@@ -88,11 +90,34 @@ impl<R: Read> Read for Hashed<R> {
     }
 }
 
+/// Does some work while another thread, if the file is worth it, takes its SHA-256, hexadecimal.
+pub fn beside<T>(path: &Path, work: impl FnOnce() -> T) -> (T, io::Result<String>) {
+    if std::fs::metadata(path).is_ok_and(|file| file.len() < LARGE) {
+        return (work(), of_file(path));
+    }
+    std::thread::scope(|scope| match std::thread::Builder::new().spawn_scoped(scope, || of_file(path)) {
+        Ok(thread) => {
+            let result = work();
+            // hashing does not panic
+            (result, thread.join().unwrap_or_else(|_| Err(io::Error::other("the file could not be hashed"))))
+        }
+        Err(_) => (work(), of_file(path)),
+    })
+}
+
 /// Of a whole file, hexadecimal.
-pub fn of_file(path: &Path) -> io::Result<String> {
-    let mut hashed = Hashed::new(File::open(path)?);
-    io::copy(&mut hashed, &mut io::sink())?;
-    Ok(hashed.sha256())
+fn of_file(path: &Path) -> io::Result<String> {
+    let mut file = File::open(path)?;
+    let mut hash = Sha256::new();
+    let mut block = vec![0; BLOCK];
+    loop {
+        match file.read(&mut block) {
+            Ok(0) => return Ok(hexadecimal(&hash.finalize())),
+            Ok(count) => hash.update(&block[..count]),
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
 }
 
 /// Of bytes, hexadecimal.

@@ -244,3 +244,43 @@ fn a_channel_name_broken_over_lines_leaves_a_refusal_on_one_line() {
     let error = read(&File::new().group(&group, &[]), Some("speed = 'v'")).unwrap_err();
     assert!(error.lines().count() == 1 && error.contains("wheel\\ntorque"), "{error}");
 }
+
+/// A hundred thousand records of a sine and its time, more than is read at once.
+fn long(name: &'static str) -> (Group, Vec<f64>) {
+    let speed: Vec<f64> = (0..100_000).map(|k| f64::from(k).sin()).collect();
+    let records = speed.iter().enumerate().map(|(k, speed)| record(&[k as f64, *speed])).collect();
+    (Group::new("drive", vec![time(), double(name, "m/s")], records), speed)
+}
+
+#[test]
+fn records_that_lie_across_pieces_of_a_long_block_are_whole() {
+    // A record of 18 bytes divides no power of two.
+    let (plain, speed) = long("speed");
+    let flag = Channel { data: UNSIGNED, bits: 8, invalidation_bit: Some(3), ..double("flag", "") };
+    let channels = [plain.channels, vec![flag]].concat();
+    let tail = |k: usize| vec![(k % 251) as u8, if k.is_multiple_of(7) { 8 } else { 0 }];
+    let records: Vec<_> = plain.records.into_iter().enumerate().map(|(k, bytes)| [bytes, tail(k)].concat()).collect();
+    let group = Group { invalidation_bytes: 1, ..Group::new("drive", channels, records) };
+    let log = read(&File::new().group(&group, &[1_000_003]), None).unwrap();
+    assert_eq!(values(&log, "speed"), speed);
+    let right = |(k, flag): (usize, &f64)| if k.is_multiple_of(7) { flag.is_nan() } else { *flag == (k % 251) as f64 };
+    assert!(values(&log, "flag").iter().enumerate().all(right));
+    assert_eq!(log.time[99_999], 99_999.0);
+}
+
+#[test]
+fn long_unsorted_data_are_sorted_out_piece_by_piece() {
+    let (fast, speed) = long("speed");
+    let slow: Vec<_> = (0..10_000).map(|k| record(&[f64::from(10 * k), f64::from(k)])).collect();
+    let gps = Group::new("gps", vec![time(), double("heading", "rad")], slow);
+    let order: Vec<usize> =
+        (0..100_000).flat_map(|k| if k.is_multiple_of(10) { vec![0, 1] } else { vec![0] }).collect();
+    let file = File::new().unsorted(&[fast, gps], &order);
+    for file in [file.bytes.clone(), file.unfinished().bytes] {
+        let mut whole = File::new();
+        whole.bytes = file;
+        let log = read(&whole, Some("heading = \"heading\"")).unwrap();
+        assert_eq!(values(&log, "speed"), speed);
+        assert!(values(&log, "heading").iter().step_by(10).enumerate().all(|(k, heading)| *heading == k as f64));
+    }
+}

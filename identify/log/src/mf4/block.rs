@@ -1,50 +1,63 @@
 //! The blocks of an MDF4 file: every access is checked against the file's end.
 
 use super::Failure;
+use super::bytes::Bytes;
+use std::collections::HashSet;
 
 /// Blocks begin with a name, four spare bytes, a length and the number of links.
 const HEAD: usize = 24;
+/// Kept of the data of texts and conversions: more than the longest conversion table (65535 values) has.
+const LARGEST: u64 = 1 << 20;
+/// Kept of the data of every other block, which is all but the records themselves.
+const SMALL: u64 = 128;
 
 /// One block: its links and what follows them.
-#[derive(Clone, Copy, Debug)]
-pub struct Block<'a> {
-    pub name: &'a [u8; 4],
-    links: &'a [u8],
-    pub data: &'a [u8],
-    /// Where its data begin in the file.
-    pub start: usize,
+#[derive(Clone, Debug)]
+pub struct Block {
+    pub name: [u8; 4],
+    links: Vec<u8>,
+    /// What follows the links, or the start of it.
+    data: Vec<u8>,
+    /// Where its data begin in the file, and how long they are, at most to the file's end.
+    pub start: u64,
+    pub length: u64,
 }
 
 /// The block at this place.
-pub fn block(bytes: &[u8], at: u64) -> Result<Block<'_>, Failure> {
+pub fn block(file: &Bytes, at: u64) -> Result<Block, Failure> {
     let cut = || Failure::damaged(format!("the file ends within a block, or a link leads nowhere (at {at:#x})"));
-    let at = usize::try_from(at).map_err(|_| cut())?;
-    let from = bytes.get(at..).ok_or_else(cut)?;
-    let (head, rest) = from.split_at_checked(HEAD).ok_or_else(cut)?;
-    let name = head.first_chunk::<4>().ok_or_else(cut)?;
-    let length = usize::try_from(u64_at(head, 8)).map_err(|_| cut())?.saturating_sub(HEAD);
-    let links = usize::try_from(u64_at(head, 16)).ok().and_then(|count| count.checked_mul(8)).ok_or_else(cut)?;
+    let head = file.few(at, HEAD)?;
+    let (Some(name), HEAD) = (head.first_chunk::<4>(), head.len()) else { return Err(cut()) };
+    let length = u64_at(&head, 8).saturating_sub(HEAD as u64);
+    let links = u64_at(&head, 16).checked_mul(8).ok_or_else(cut)?;
     if links > length || name[..2] != *b"##" {
         return Err(Failure::damaged(format!("there is no block at {at:#x}")));
     }
-    let (links, data) = rest.split_at_checked(links).ok_or_else(cut)?;
-    let start = at + HEAD + links.len();
+    let after = at + HEAD as u64;
+    if links > file.length() - after {
+        return Err(cut());
+    }
+    let start = after + links;
     // A block that claims more than the file holds: its user decides whether that matters.
-    let data = &data[..data.len().min(length - links.len())];
-    Ok(Block { name, links, data, start })
+    let length = (length - links).min(file.length() - start);
+    let kept = if matches!(name, b"##TX" | b"##MD" | b"##CC") { LARGEST } else { SMALL };
+    let most = if matches!(name, b"##DL" | b"##LD") { links } else { links.min(LARGEST) };
+    let links = file.few(after, most as usize)?;
+    let data = file.few(start, length.min(kept) as usize)?;
+    Ok(Block { name: *name, links, data, start, length })
 }
 
 /// The block at this place, which must have this name.
-pub fn named<'a>(bytes: &'a [u8], at: u64, name: &[u8; 4]) -> Result<Block<'a>, Failure> {
-    let found = block(bytes, at)?;
-    if found.name != name {
+pub fn named(file: &Bytes, at: u64, name: &[u8; 4]) -> Result<Block, Failure> {
+    let found = block(file, at)?;
+    if found.name != *name {
         let (found, name) = (found.name.escape_ascii(), name.escape_ascii());
         return Err(Failure::damaged(format!("a block {name} is expected at {at:#x}, but there is {found}")));
     }
     Ok(found)
 }
 
-impl<'a> Block<'a> {
+impl Block {
     /// A link; 0 leads nowhere, as do links that the block does not have.
     pub fn link(&self, index: usize) -> u64 {
         self.links.get(8 * index..8 * index + 8).map_or(0, |link| u64_at(link, 0))
@@ -86,11 +99,11 @@ fn u64_at(bytes: &[u8], at: usize) -> u64 {
 }
 
 /// The text behind a link: of a text block, or the one in `<TX>` of an XML block. Empty without a link.
-pub fn text(bytes: &[u8], link: u64) -> Result<String, Failure> {
+pub fn text(file: &Bytes, link: u64) -> Result<String, Failure> {
     if link == 0 {
         return Ok(String::new());
     }
-    let found = block(bytes, link)?;
+    let found = block(file, link)?;
     let end = found.data.iter().position(|byte| *byte == 0).unwrap_or(found.data.len());
     let text = String::from_utf8_lossy(&found.data[..end]).into_owned();
     let inner = || {
@@ -98,22 +111,39 @@ pub fn text(bytes: &[u8], link: u64) -> Result<String, Failure> {
         let (inner, _) = rest.split_once('>')?.1.split_once("</TX>")?;
         Some(inner.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&"))
     };
-    let text = if found.name == b"##MD" { inner().unwrap_or_default() } else { text };
+    let text = if found.name == *b"##MD" { inner().unwrap_or_default() } else { text };
     Ok(text.trim().to_owned())
 }
 
-/// A list of blocks that are linked by their first link.
-pub fn chain<'a>(bytes: &'a [u8], first: u64, name: &[u8; 4]) -> Result<Vec<(u64, Block<'a>)>, Failure> {
-    let mut list = Vec::new();
-    let mut seen = std::collections::HashSet::new();
-    let mut next = first;
-    while next != 0 {
-        if !seen.insert(next) {
-            return Err(Failure::damaged(format!("a list of blocks {} runs in a circle", name.escape_ascii())));
+/// A list of blocks that are linked by their first link, each with its place.
+pub fn chain<'a>(file: &'a Bytes, first: u64, name: &'static [u8; 4]) -> Chain<'a> {
+    Chain { file, next: first, name, seen: HashSet::new() }
+}
+
+/// See [`chain`].
+pub struct Chain<'a> {
+    file: &'a Bytes,
+    next: u64,
+    name: &'static [u8; 4],
+    seen: HashSet<u64>,
+}
+
+impl Iterator for Chain<'_> {
+    type Item = Result<(u64, Block), Failure>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let at = std::mem::take(&mut self.next);
+        if at == 0 {
+            return None;
         }
-        let found = named(bytes, next, name)?;
-        list.push((next, found));
-        next = found.link(0);
+        if !self.seen.insert(at) {
+            let what = format!("a list of blocks {} runs in a circle", self.name.escape_ascii());
+            return Some(Err(Failure::damaged(what)));
+        }
+        let found = named(self.file, at, self.name);
+        if let Ok(found) = &found {
+            self.next = found.link(0);
+        }
+        Some(found.map(|found| (at, found)))
     }
-    Ok(list)
 }

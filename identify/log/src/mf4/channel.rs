@@ -4,15 +4,29 @@ use super::Failure;
 use super::conversion::Conversion;
 use half::f16;
 
-/// The records of a channel group.
+/// Records of a channel group that follow each other.
 #[derive(Clone, Copy, Debug)]
 pub struct Records<'a> {
     pub bytes: &'a [u8],
     /// Bytes from one record to the next.
     pub stride: usize,
+    /// The first record's number in its group, and how many there are.
+    pub first: usize,
     pub count: usize,
     /// The invalidation bytes, from one record to the next, and where those of the first record begin.
     pub invalid: (&'a [u8], usize, usize),
+}
+
+/// A channel that is being read.
+#[derive(Debug)]
+pub struct Reading {
+    /// Its place among the columns of its group.
+    pub place: usize,
+    pub field: Field,
+    pub conversion: Conversion,
+    pub invalid: Invalid,
+    /// The values so far, converted; NaN where they are invalid.
+    pub values: Vec<f64>,
 }
 
 /// Where a channel's numbers stand in a record.
@@ -48,6 +62,40 @@ pub enum Invalid {
     Bit(usize),
 }
 
+impl<'a> Records<'a> {
+    /// The bytes of a field in each record.
+    fn fields(&self, byte: usize, size: usize) -> impl Iterator<Item = &'a [u8]> + use<'a> {
+        self.bytes.chunks_exact(self.stride.max(1)).take(self.count).map(move |record| &record[byte..byte + size])
+    }
+}
+
+impl Reading {
+    /// Reads the values of further records.
+    pub fn take(&mut self, records: &Records) {
+        let start = self.values.len();
+        self.field.append(records, &mut self.values);
+        let values = &mut self.values[start..];
+        match &self.conversion {
+            Conversion::Identity => {}
+            Conversion::Linear(a, b) => values.iter_mut().for_each(|value| *value = a + b * *value),
+            conversion => values.iter_mut().for_each(|value| *value = conversion.apply(*value)),
+        }
+        match self.invalid {
+            Invalid::None => {}
+            Invalid::All => values.fill(f64::NAN),
+            Invalid::Bit(bit) => {
+                let (bytes, stride, start) = records.invalid;
+                for (k, value) in values.iter_mut().enumerate() {
+                    let byte = bytes.get(k * stride + start + bit / 8).copied().unwrap_or(0);
+                    if byte >> (bit % 8) & 1 == 1 {
+                        *value = f64::NAN;
+                    }
+                }
+            }
+        }
+    }
+}
+
 impl Field {
     /// Refuses widths that no number has.
     pub fn check(&self, record: usize) -> Result<(), Failure> {
@@ -73,50 +121,29 @@ impl Field {
         (self.bit + self.bits).div_ceil(8) as usize
     }
 
-    /// All values, converted; NaN where they are invalid. The field was checked.
-    pub fn values(&self, records: &Records, conversion: &Conversion, invalid: Invalid) -> Vec<f64> {
-        let mut values = self.raw(records);
-        match conversion {
-            Conversion::Identity => {}
-            Conversion::Linear(a, b) => values.iter_mut().for_each(|value| *value = a + b * *value),
-            conversion => values.iter_mut().for_each(|value| *value = conversion.apply(*value)),
-        }
-        match invalid {
-            Invalid::None => {}
-            Invalid::All => values.fill(f64::NAN),
-            Invalid::Bit(bit) => {
-                let (bytes, stride, start) = records.invalid;
-                for (k, value) in values.iter_mut().enumerate() {
-                    let byte = bytes.get(k * stride + start + bit / 8).copied().unwrap_or(0);
-                    if byte >> (bit % 8) & 1 == 1 {
-                        *value = f64::NAN;
-                    }
-                }
-            }
-        }
-        values
-    }
-
-    fn raw(&self, records: &Records) -> Vec<f64> {
-        let size = self.bytes();
-        let fields = (0..records.count).map(|k| &records.bytes[k * records.stride + self.byte..][..size]);
+    /// Appends the numbers as they are stored. The field was checked.
+    fn append(&self, records: &Records, to: &mut Vec<f64>) {
         // The usual widths on whole bytes; everything else bit by bit.
         macro_rules! each {
-            ($type:ty, $from:ident) => {
-                fields.map(|field| field.first_chunk().map_or(f64::NAN, |word| <$type>::$from(*word) as f64)).collect()
-            };
+            ($type:ty) => {{
+                const SIZE: usize = size_of::<$type>();
+                let number = |field: &[u8]| {
+                    field.first_chunk::<SIZE>().map_or(f64::NAN, |word| <$type>::from_le_bytes(*word) as f64)
+                };
+                to.extend(records.fields(self.byte, SIZE).map(number))
+            }};
         }
         match (self.kind, self.bit, self.bits) {
-            (Kind::Index, ..) => (0..records.count).map(|k| k as f64).collect(),
-            (Kind::Float { big: false }, 0, 64) => each!(f64, from_le_bytes),
-            (Kind::Float { big: false }, 0, 32) => each!(f32, from_le_bytes),
-            (Kind::Unsigned { big: false }, 0, 8) => each!(u8, from_le_bytes),
-            (Kind::Unsigned { big: false }, 0, 16) => each!(u16, from_le_bytes),
-            (Kind::Unsigned { big: false }, 0, 32) => each!(u32, from_le_bytes),
-            (Kind::Signed { big: false }, 0, 8) => each!(i8, from_le_bytes),
-            (Kind::Signed { big: false }, 0, 16) => each!(i16, from_le_bytes),
-            (Kind::Signed { big: false }, 0, 32) => each!(i32, from_le_bytes),
-            _ => fields.map(|field| self.number(field)).collect(),
+            (Kind::Index, ..) => to.extend((records.first..).take(records.count).map(|k| k as f64)),
+            (Kind::Float { big: false }, 0, 64) => each!(f64),
+            (Kind::Float { big: false }, 0, 32) => each!(f32),
+            (Kind::Unsigned { big: false }, 0, 8) => each!(u8),
+            (Kind::Unsigned { big: false }, 0, 16) => each!(u16),
+            (Kind::Unsigned { big: false }, 0, 32) => each!(u32),
+            (Kind::Signed { big: false }, 0, 8) => each!(i8),
+            (Kind::Signed { big: false }, 0, 16) => each!(i16),
+            (Kind::Signed { big: false }, 0, 32) => each!(i32),
+            _ => to.extend(records.fields(self.byte, self.bytes()).map(|field| self.number(field))),
         }
     }
 
@@ -143,8 +170,11 @@ mod tests {
     fn read(kind: Kind, bit: u32, bits: u32, bytes: &[u8]) -> f64 {
         let field = Field { kind, byte: 0, bit, bits };
         field.check(bytes.len()).unwrap();
-        let records = Records { bytes, stride: bytes.len(), count: 1, invalid: (&[], 0, 0) };
-        field.values(&records, &Conversion::Identity, Invalid::None)[0]
+        let records = Records { bytes, stride: bytes.len(), first: 0, count: 1, invalid: (&[], 0, 0) };
+        let (conversion, invalid) = (Conversion::Identity, Invalid::None);
+        let mut reading = Reading { place: 0, field, conversion, invalid, values: Vec::new() };
+        reading.take(&records);
+        reading.values[0]
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! From the number in a record to the physical one.
 
 use super::Failure;
-use super::block::{Block, named};
+use super::block::{Block, block, named, text};
+use super::bytes::Bytes;
 use exmex::{Express, FlatEx};
 
 /// Conversions refer to others at most so deep.
@@ -28,14 +29,14 @@ pub enum Conversion {
 
 impl Conversion {
     /// Reads a rule; the error says which kind is not known. `whole`: the raw values are integers.
-    pub fn read(bytes: &[u8], link: u64, whole: bool, depth: usize) -> Result<Self, Failure> {
+    pub fn read(file: &Bytes, link: u64, whole: bool, depth: usize) -> Result<Self, Failure> {
         if link == 0 {
             return Ok(Self::Identity);
         }
         if depth > DEEPEST {
             return Err(Failure::damaged("conversions refer to each other in a circle".to_owned()));
         }
-        let cc = named(bytes, link, b"##CC")?;
+        let cc = named(file, link, b"##CC")?;
         let count = usize::from(cc.u16(6)?);
         let value = |index: usize| cc.f64(24 + 8 * index);
         let values = || (0..count).map(value).collect::<Result<Vec<_>, _>>();
@@ -55,7 +56,7 @@ impl Conversion {
                 }
                 Self::Rational(p)
             }
-            3 => Self::formula(&super::block::text(bytes, cc.link(4))?)?,
+            3 => Self::formula(&text(file, cc.link(4))?)?,
             4 => Self::Interpolated(pairs()?),
             5 => Self::Nearest(pairs()?),
             6 => {
@@ -66,12 +67,12 @@ impl Conversion {
             }
             7 => {
                 let bounds = values()?.into_iter().map(|value| (value, value.next_up())).collect();
-                Self::partly(bytes, &cc, bounds, whole, depth)?
+                Self::partly(file, &cc, bounds, whole, depth)?
             }
             8 => {
                 let values = values()?;
                 let bounds = values.chunks_exact(2).map(|range| (range[0], above(range[1], whole))).collect();
-                Self::partly(bytes, &cc, bounds, whole, depth)?
+                Self::partly(file, &cc, bounds, whole, depth)?
             }
             11 => Self::Identity,
             kind => return Err(Failure::foreign(format!("values with a conversion of type {kind}"))),
@@ -79,11 +80,11 @@ impl Conversion {
     }
 
     /// Bounds whose references are texts or rules of their own. If all are texts, the numbers stay.
-    fn partly(bytes: &[u8], cc: &Block, bounds: Vec<(f64, f64)>, whole: bool, depth: usize) -> Result<Self, Failure> {
+    fn partly(file: &Bytes, cc: &Block, bounds: Vec<(f64, f64)>, whole: bool, depth: usize) -> Result<Self, Failure> {
         let rule = |index: usize| -> Result<Option<Self>, Failure> {
             let link = cc.link(4 + index);
-            let is_rule = link != 0 && super::block::block(bytes, link)?.name == b"##CC";
-            if is_rule { Self::read(bytes, link, whole, depth + 1).map(Some) } else { Ok(None) }
+            let is_rule = link != 0 && block(file, link)?.name == *b"##CC";
+            if is_rule { Self::read(file, link, whole, depth + 1).map(Some) } else { Ok(None) }
         };
         let mut parts = Vec::with_capacity(bounds.len());
         for (index, (from, to)) in bounds.into_iter().enumerate() {

@@ -28,13 +28,10 @@ pub(super) fn read(path: &Path, wanted: &Wanted, progress: &Progress) -> Result<
     let name = path.display().to_string();
     let file = File::open(path).map_err(|e| LogError::file(&name, e.to_string()))?;
     // The hash takes as long as the columns.
-    std::thread::scope(|scope| {
-        let hash = scope.spawn(|| crate::hash::of_file(path));
-        let damaged = || Err(LogError::file(&name, "the file is damaged"));
-        let recording = guarded(|| parse(&name, file, wanted, progress)).unwrap_or_else(damaged)?;
-        let Ok(hash) = hash.join() else { return damaged() };
-        Ok(Recording { sha256: hash.map_err(|e| LogError::file(&name, e.to_string()))?, ..recording })
-    })
+    let (recording, sha256) = crate::hash::beside(path, || guarded(|| parse(&name, file, wanted, progress)));
+    let damaged = || Err(LogError::file(&name, "the file is damaged"));
+    let recording = recording.unwrap_or_else(damaged)?;
+    Ok(Recording { sha256: sha256.map_err(|e| LogError::file(&name, e.to_string()))?, ..recording })
 }
 
 /// All but the hash.
