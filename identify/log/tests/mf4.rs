@@ -274,7 +274,7 @@ fn long_unsorted_data_are_sorted_out_piece_by_piece() {
     let slow: Vec<_> = (0..10_000).map(|k| record(&[f64::from(10 * k), f64::from(k)])).collect();
     let gps = Group::new("gps", vec![time(), double("heading", "rad")], slow);
     let order: Vec<usize> =
-        (0..100_000).flat_map(|k| if k.is_multiple_of(10) { vec![0, 1] } else { vec![0] }).collect();
+        (0..100_000).flat_map(|k: usize| if k.is_multiple_of(10) { vec![0, 1] } else { vec![0] }).collect();
     let file = File::new().unsorted(&[fast, gps], &order);
     for file in [file.bytes.clone(), file.unfinished().bytes] {
         let mut whole = File::new();
