@@ -9,6 +9,7 @@ use wheelstate_identify::problem::{Declared, FitError, FitRequest, Problem, Sess
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::result::{ProfileEnd, Verdict};
 use wheelstate_identify::simulate::Request;
+use wheelstate_identify::solve::compress::Factors;
 use wheelstate_identify::solve::profile::{self, Curve, End, LEVELS, Subject};
 use wheelstate_identify::solve::{
     Loss, Options, Regression, Rows, Scale, Smooth, SmoothGroup, Trust, TrustNorm, Unknown, refine, robust, solve,
@@ -41,8 +42,9 @@ fn ratio(regression: &Regression, range: (f64, f64)) -> (Curve, Vec<f64>, DMatri
     let (theta, covariance) = (solution.theta.clone(), solution.inverse_information.clone());
     let gradient = DVector::from_vec(vec![-theta[1] / (theta[0] * theta[0]), 1.0 / theta[0]]);
     let std = gradient.dot(&(&covariance * &gradient)).sqrt();
+    let factors = Factors::of(regression);
     let refit = |pull: Option<&profile::Pull>, _: &[f64]| {
-        let minimum = robust::minimise(regression, &[1.0], Loss::Ls, &options, pull)?;
+        let minimum = robust::minimise(regression, &factors, &[1.0], Loss::Ls, &options, pull)?;
         let cost = profile::cost(regression, &[1.0], Loss::Ls, &minimum.theta);
         Ok((minimum.theta, cost))
     };

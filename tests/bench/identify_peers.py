@@ -1,4 +1,4 @@
-"""Times bounded least squares and Huber regression, 20000 rows and 5 unknowns, two bounds active, in
+"""Times bounded least squares, Huber and L1 regression, 20000 rows and 5 unknowns, two bounds active, in
 scipy and cvxpy, runs the Rust benchmark beside them and prints the ratios.
 
     pip install numpy scipy cvxpy clarabel
@@ -34,6 +34,7 @@ def peers():
     x = cp.Variable(5)
     inside = [x >= lower, x <= upper]
     squares = cp.Problem(cp.Minimize(cp.sum_squares((a @ x - y) / 0.1)), inside)
+    absolute = cp.Problem(cp.Minimize(cp.norm1((a @ x - y) / 0.1)), inside)
     huber = cp.Problem(cp.Minimize(cp.sum(cp.huber((a @ x - y) / 0.1, 1.345))), inside)
     return {
         ("Ls", "scipy lsq_linear (bvls)"): best(lambda: lsq_linear(a, y, (lower, upper), method="bvls"), 10),
@@ -45,6 +46,7 @@ def peers():
             5,
         ),
         ("Huber", "cvxpy + Clarabel"): best(lambda: huber.solve(solver=cp.CLARABEL), 2),
+        ("L1", "cvxpy + Clarabel"): best(lambda: absolute.solve(solver=cp.CLARABEL), 2),
     }
 
 

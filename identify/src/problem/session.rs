@@ -6,6 +6,7 @@ use super::{FitError, FitRequest, Target};
 use crate::assess::Limits;
 use crate::progress::Progress;
 use crate::result::Delay;
+use crate::solve::compress::Factors;
 use crate::solve::profile::{self, Curve, Function};
 use crate::solve::{self, Accuracy, Loss, Options, Regression, Smooth, Solution, SolveError, robust, student};
 use nalgebra::{DMatrix, DVector};
@@ -427,8 +428,9 @@ impl<'a> Session<'a> {
             None if instrumented => return Ok(None),
             None => (regression, options.loss, solution.scales.clone()),
         };
+        let factors = Factors::of(regression);
         let refit = |pull: Option<&profile::Pull>, _: &[f64]| {
-            let minimum = robust::minimise(regression, &scales, loss, options, pull)?;
+            let minimum = robust::minimise(regression, &factors, &scales, loss, options, pull)?;
             let cost = profile::cost(regression, &scales, loss, &minimum.theta);
             Ok((minimum.theta, cost))
         };

@@ -1,9 +1,9 @@
 //! Covariance of robust regressions, conditioning and the bias of noisy regressors.
 
+use super::compress::Factors;
 use super::robust::Minimiser;
 use super::{HUBER_DELTA, Loss, Options, Regression, Solution, add_outer, add_scaled, dot};
 use nalgebra::{DMatrix, DVector};
-use std::collections::BTreeMap;
 
 /// Judges the minimiser of a regression.
 ///
@@ -15,15 +15,21 @@ use std::collections::BTreeMap;
 /// is `bias`. With noise of energy `N = [N_a N_y]`
 /// in `[A y]` and neglected terms `d` the normal equations hold at `theta + bias`,
 /// `B bias = A'W d - (N_a theta - N_y)` at the true `theta`. With [`Options::correct`] it is subtracted, except for guesses.
-pub fn of_regression(regression: &Regression, scales: &[f64], options: &Options, minimiser: Minimiser) -> Solution {
+pub fn of_regression(
+    regression: &Regression,
+    factors: &Factors,
+    scales: &[f64],
+    options: &Options,
+    minimiser: Minimiser,
+) -> Solution {
     let n = regression.unknowns.len();
     let Sums { information, gram, scores, squares, shift, guess, noise_energy, coloured, residuals, rows } =
-        Sums::over(regression, scales, options, &minimiser.theta);
+        Sums::over(regression, factors, scales, options, &minimiser.theta);
     let bread = inverse(&information);
     let LongRun { covariance: mut filling, degrees_of_freedom } = long_run(&scores, n, &gram, rows);
     let mut plain = DMatrix::zeros(n, n);
     let plain_scores = if options.loss == Loss::L1 { &squares } else { &scores };
-    plain_scores.values().for_each(|score| plain.ger(1.0, score, score, 1.0));
+    plain_scores.iter().for_each(|(_, score)| add_outer(&mut plain, 1.0, score, score));
     for (index, unknown) in regression.unknowns.iter().enumerate() {
         if let Some((_, std)) = unknown.prior {
             plain[(index, index)] += 1.0 / (std * std);
@@ -94,8 +100,8 @@ struct Sums {
     /// `A'A`, with the priors.
     gram: DMatrix<f64>,
     /// `psi(r) a` and `r a`, summed over each cluster; the second for L1 only.
-    scores: BTreeMap<u32, DVector<f64>>,
-    squares: BTreeMap<u32, DVector<f64>>,
+    scores: Scores,
+    squares: Scores,
     /// By how much noise in the regressors and neglected terms shift the normal equations, and those that are guesses.
     shift: DVector<f64>,
     guess: DVector<f64>,
@@ -109,13 +115,14 @@ struct Sums {
 }
 
 impl Sums {
-    fn over(regression: &Regression, scales: &[f64], options: &Options, theta: &[f64]) -> Self {
+    fn over(regression: &Regression, factors: &Factors, scales: &[f64], options: &Options, theta: &[f64]) -> Self {
         let n = regression.unknowns.len();
+        let clusters = || regression.groups.iter().flat_map(|group| group.cluster.iter().copied());
         let mut sums = Self {
             information: DMatrix::zeros(n, n),
             gram: DMatrix::zeros(n, n),
-            scores: BTreeMap::new(),
-            squares: BTreeMap::new(),
+            scores: Scores::new(n, clusters()),
+            squares: if options.loss == Loss::L1 { Scores::new(n, clusters()) } else { Scores::default() },
             shift: DVector::zeros(n),
             guess: DVector::zeros(n),
             noise_energy: DMatrix::zeros(n, n),
@@ -123,8 +130,13 @@ impl Sums {
             residuals: Vec::new(),
             rows: regression.groups.iter().map(super::Rows::len).sum(),
         };
-        for (group, &scale) in regression.groups.iter().zip(scales) {
+        for ((group, gram), &scale) in regression.groups.iter().zip(factors.grams()).zip(scales) {
+            let gram = gram / (scale * scale);
             let curvature = sums.add_rows(group, scale, options.loss, theta);
+            if options.loss == Loss::Ls {
+                sums.information += &gram;
+            }
+            sums.gram += gram;
             sums.add_noise(group, scale, curvature, theta);
         }
         for (index, unknown) in regression.unknowns.iter().enumerate() {
@@ -138,31 +150,29 @@ impl Sums {
 
     /// Adds the rows of a group; the sum of their weights.
     fn add_rows(&mut self, group: &super::Rows, scale: f64, loss: Loss, theta: &[f64]) -> f64 {
-        let n = theta.len();
         let kernel = 1.06 * (self.rows.max(1) as f64).powf(-0.2);
         let of_group = group.residuals(theta);
-        let mut row = vec![0.0; n];
         let mut curvature = 0.0;
         for (i, residual) in of_group.iter().enumerate() {
-            row.iter_mut().zip(group.row(i)).for_each(|(cell, value)| *cell = value / scale);
+            let row = group.row(i);
             let r = residual / scale;
             let (weight, psi) = match loss {
                 Loss::Ls => (1.0, r),
                 Loss::L1 => (f64::from(u8::from(r.abs() <= kernel)) / kernel, r.signum()),
                 Loss::Huber => (f64::from(u8::from(r.abs() <= HUBER_DELTA)), r.clamp(-HUBER_DELTA, HUBER_DELTA)),
             };
-            add_outer(&mut self.gram, 1.0, &row, &row);
-            if weight > 0.0 {
-                add_outer(&mut self.information, weight, &row, &row);
+            // That of least squares is the same for all rows, and known from their factor.
+            if weight > 0.0 && loss != Loss::Ls {
+                add_outer(&mut self.information, weight / (scale * scale), row, row);
             }
             let cluster = group.cluster[i];
-            add_scaled(self.scores.entry(cluster).or_insert_with(|| DVector::zeros(n)), psi, &row);
+            self.scores.add(cluster, psi / scale, row);
             if loss == Loss::L1 {
-                add_scaled(self.squares.entry(cluster).or_insert_with(|| DVector::zeros(n)), r, &row);
+                self.squares.add(cluster, r / scale, row);
             }
             if let Some(neglected) = group.neglected.get(i) {
                 let into = if group.guessed { &mut self.guess } else { &mut self.shift };
-                add_scaled(into, weight * neglected / scale, &row);
+                add_scaled(into, weight * neglected / (scale * scale), row);
             }
             curvature += weight;
         }
@@ -218,6 +228,64 @@ fn excess(group: &super::Rows, scale: f64, kernel: &[f64], theta: &[f64]) -> Opt
     (beyond > 0.0 && unit > 0.0).then(|| (beyond / unit).min(1.0))
 }
 
+/// Vectors summed over the rows of each cluster, in the order of the clusters' numbers.
+#[derive(Default)]
+pub struct Scores {
+    n: usize,
+    clusters: Vec<u32>,
+    /// `n` values for each cluster.
+    sums: Vec<f64>,
+    /// Where the last row was added.
+    last: usize,
+}
+
+impl Scores {
+    /// Zeros of length `n` for the clusters of all rows.
+    pub fn new(n: usize, clusters: impl Iterator<Item = u32>) -> Self {
+        let mut all: Vec<u32> = Vec::new();
+        // Neighbouring rows share a cluster: of each run one.
+        for cluster in clusters {
+            if all.last() != Some(&cluster) {
+                all.push(cluster);
+            }
+        }
+        if !all.is_sorted() {
+            all.sort_unstable();
+        }
+        all.dedup();
+        Self { n, sums: vec![0.0; n * all.len()], clusters: all, last: 0 }
+    }
+
+    /// Adds `weight row` to a cluster's sum.
+    #[inline]
+    pub fn add(&mut self, cluster: u32, weight: f64, row: &[f64]) {
+        if self.clusters[self.last] != cluster {
+            let next = self.last + 1;
+            self.last = match self.clusters.get(next) {
+                Some(after) if *after == cluster => next,
+                _ => self.clusters.partition_point(|other| *other < cluster),
+            };
+        }
+        let sum = &mut self.sums[self.last * self.n..][..self.n];
+        sum.iter_mut().zip(row).for_each(|(cell, value)| *cell += weight * value);
+    }
+
+    /// Number of clusters.
+    pub fn len(&self) -> usize {
+        self.clusters.len()
+    }
+
+    /// Whether there is no cluster.
+    pub fn is_empty(&self) -> bool {
+        self.clusters.is_empty()
+    }
+
+    /// Each cluster's number and sum.
+    pub fn iter(&self) -> impl Iterator<Item = (u32, &[f64])> {
+        self.clusters.iter().copied().zip(self.sums.chunks_exact(self.n.max(1)))
+    }
+}
+
 /// Covariance of the sum of correlated scores.
 pub struct LongRun {
     /// The covariance.
@@ -233,37 +301,45 @@ pub struct LongRun {
 /// series (Kendall 1954) and never taken as negative. Times `G/(G - n)` for the unknowns that the residuals were
 /// fitted with. With no more clusters than unknowns nothing can be said about correlation: then each cluster
 /// counts as one of the `rows` of the `gram`, which is pessimistic.
-pub fn long_run(scores: &BTreeMap<u32, DVector<f64>>, n: usize, gram: &DMatrix<f64>, rows: usize) -> LongRun {
+pub fn long_run(scores: &Scores, n: usize, gram: &DMatrix<f64>, rows: usize) -> LongRun {
     let count = scores.len() as f64;
-    let mut rho = vec![0.0_f64; n];
-    for (j, rho) in rho.iter_mut().enumerate() {
-        let (mut product, mut square) = (0.0, 0.0);
-        for (id, score) in scores {
-            square += score[j] * score[j];
-            product += scores.get(&(id + 1)).map_or(0.0, |next| next[j] * score[j]);
-        }
-        let raw = if square > 0.0 { product / square } else { 0.0 };
-        let most = (1.0 - 4.0 / count).clamp(0.0, 0.95);
-        *rho = if raw > 0.0 { (raw + (1.0 + 3.0 * raw) / count).min(most) } else { 0.0 };
+    // The score of the cluster before, where there is one.
+    let pairs = || {
+        let before = std::iter::once(None).chain(scores.iter().map(Some));
+        scores
+            .iter()
+            .zip(before)
+            .map(|((id, score), before)| (score, before.filter(|(other, _)| other + 1 == id).map(|(_, score)| score)))
+    };
+    let (mut products, mut squares) = (vec![0.0_f64; n], vec![0.0_f64; n]);
+    for (score, before) in pairs() {
+        squares.iter_mut().zip(score).for_each(|(sum, s)| *sum += s * s);
+        let before = before.into_iter().flatten();
+        products.iter_mut().zip(score).zip(before).for_each(|((sum, s), b)| *sum += s * b);
     }
+    let most = (1.0 - 4.0 / count).clamp(0.0, 0.95);
+    let of_component = |(product, square): (&f64, &f64)| {
+        let raw = if *square > 0.0 { product / square } else { 0.0 };
+        if raw > 0.0 { (raw + (1.0 + 3.0 * raw) / count).min(most) } else { 0.0 }
+    };
+    let rho: Vec<f64> = products.iter().zip(&squares).map(of_component).collect();
     let usual = rho.iter().sum::<f64>() / n.max(1) as f64;
     let mut covariance = DMatrix::zeros(n, n);
     if scores.len() <= n + 1 {
-        let mean: f64 = scores.values().map(DVector::norm_squared).sum::<f64>() / gram.trace().max(f64::MIN_POSITIVE);
+        let energy: f64 = scores.iter().map(|(_, score)| dot(score, score)).sum();
+        let mean = energy / gram.trace().max(f64::MIN_POSITIVE);
         return LongRun { covariance: gram * mean.max(rows as f64 / count.max(1.0)), degrees_of_freedom: 1.0 };
     }
-    for (id, score) in scores {
-        let before = id.checked_sub(1).and_then(|id| scores.get(&id));
-        let left = DVector::from_fn(n, |j, _| {
-            let innovation = score[j] - before.map_or(0.0, |before| rho[j] * before[j]);
-            // Without a cluster before it a score has its full variance already.
-            if before.is_some() {
-                innovation / (1.0 - rho[j])
-            } else {
-                score[j] * ((1.0 + rho[j]) / (1.0 - rho[j])).sqrt()
-            }
-        });
-        covariance.ger(1.0, &left, &left, 1.0);
+    let mut left = vec![0.0; n];
+    for (score, before) in pairs() {
+        for (j, left) in left.iter_mut().enumerate() {
+            *left = match before {
+                Some(before) => (score[j] - rho[j] * before[j]) / (1.0 - rho[j]),
+                // Without a cluster before it a score has its full variance already.
+                None => score[j] * ((1.0 + rho[j]) / (1.0 - rho[j])).sqrt(),
+            };
+        }
+        add_outer(&mut covariance, 1.0, &left, &left);
     }
     covariance *= count / (count - n as f64);
     LongRun { covariance, degrees_of_freedom: ((count - n as f64) * (1.0 - usual)).max(1.0) }
@@ -281,17 +357,13 @@ pub fn inverse(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| pseudo[(i, j)] / (scale[i] * scale[j]))
 }
 
-/// Whether the rows and priors of a regression leave a direction of the unknowns open.
-pub fn is_singular(regression: &Regression) -> bool {
+/// Whether the rows of a regression, compressed to `factors`, and its priors leave a direction of the unknowns open.
+pub fn is_singular(regression: &Regression, factors: &Factors) -> bool {
     let n = regression.unknowns.len();
     let mut gram = DMatrix::<f64>::zeros(n, n);
-    for group in &regression.groups {
+    for of_group in factors.grams() {
         // Groups of different units weigh alike.
-        let size = group.a.iter().map(|value| value * value).sum::<f64>();
-        let mut of_group = DMatrix::<f64>::zeros(n, n);
-        for i in 0..group.len() {
-            add_outer(&mut of_group, 1.0, group.row(i), group.row(i));
-        }
+        let size = of_group.trace();
         if size > 0.0 {
             gram += of_group / size;
         }

@@ -7,10 +7,9 @@
 
 use super::compress::Compressor;
 use super::conic::Feasible;
-use super::covariance::{self, LongRun};
+use super::covariance::{self, LongRun, Scores};
 use super::{Regression, Rows, Solution, SolveError, add_outer, add_scaled, dot, polish};
 use nalgebra::{DMatrix, DVector};
-use std::collections::BTreeMap;
 
 /// Reweightings after the first solve.
 const REWEIGHTINGS: usize = 2;
@@ -115,7 +114,7 @@ fn instruments(group: &Rows, index: usize) -> &[f64] {
 /// correlation between clusters too.
 fn moment_covariance(groups: &[&Rows], theta: &[f64], correlated: bool) -> LongRun {
     let n = theta.len();
-    let mut sums: BTreeMap<u32, DVector<f64>> = BTreeMap::new();
+    let mut sums = Scores::new(n, groups.iter().flat_map(|group| group.cluster.iter().copied()));
     let mut squares = DMatrix::zeros(n, n);
     let mut sum = vec![0.0; n];
     for group in groups {
@@ -130,7 +129,7 @@ fn moment_covariance(groups: &[&Rows], theta: &[f64], correlated: bool) -> LongR
                 }
                 sum.iter_mut().zip(z).for_each(|(sum, z)| *sum += residual * z);
             }
-            add_scaled(sums.entry(cluster[0]).or_insert_with(|| DVector::zeros(n)), 1.0, &sum);
+            sums.add(cluster[0], 1.0, &sum);
             row += cluster.len();
         }
     }
@@ -138,6 +137,6 @@ fn moment_covariance(groups: &[&Rows], theta: &[f64], correlated: bool) -> LongR
         return covariance::long_run(&sums, n, &squares, groups.iter().map(|group| group.len()).sum());
     }
     let mut s = DMatrix::zeros(n, n);
-    sums.values().for_each(|sum| s.ger(1.0, sum, sum, 1.0));
+    sums.iter().for_each(|(_, sum)| add_outer(&mut s, 1.0, sum, sum));
     LongRun { covariance: s, degrees_of_freedom: 1.0 }
 }

@@ -35,6 +35,7 @@ pub mod student;
 pub use refine::{Smooth, SmoothGroup, Trust, TrustNorm, refine};
 pub use student::student;
 
+use compress::Factors;
 use nalgebra::{DMatrix, DVector};
 
 /// A linear regression `y = A theta + noise` under physical constraints.
@@ -400,7 +401,8 @@ fn solve_within(regression: &Regression, options: &Options) -> Result<Solution, 
     if rows + priors < unknowns + 1 {
         return Err(SolveError::TooFewRows { regression: regression.name.clone(), rows, unknowns });
     }
-    if covariance::is_singular(regression) {
+    let factors = Factors::of(regression);
+    if covariance::is_singular(regression, &factors) {
         return Err(SolveError::Singular { regression: regression.name.clone() });
     }
     if regression.groups.iter().any(|group| !group.instruments.is_empty()) {
@@ -410,7 +412,7 @@ fn solve_within(regression: &Regression, options: &Options) -> Result<Solution, 
         regression.groups.iter().map(|group| if let Scale::Known(scale) = group.scale { scale } else { 1.0 }).collect();
     if regression.groups.iter().any(|group| group.scale == Scale::Robust) {
         for _ in 0..options.scale_passes {
-            let first = robust::minimise(regression, &scales, Loss::Ls, options, None)?;
+            let first = robust::minimise(regression, &factors, &scales, Loss::Ls, options, None)?;
             for (group, scale) in regression.groups.iter().zip(&mut scales) {
                 if group.scale == Scale::Robust && !group.is_empty() {
                     *scale = robust::deviation(&group.residuals(&first.theta), &group.y);
@@ -418,8 +420,8 @@ fn solve_within(regression: &Regression, options: &Options) -> Result<Solution, 
             }
         }
     }
-    let minimum = robust::minimise(regression, &scales, options.loss, options, None)?;
-    Ok(covariance::of_regression(regression, &scales, options, minimum))
+    let minimum = robust::minimise(regression, &factors, &scales, options.loss, options, None)?;
+    Ok(covariance::of_regression(regression, &factors, &scales, options, minimum))
 }
 
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -5,6 +5,7 @@
 //! that lowers the true cost enough is taken and the trust region grows; otherwise it shrinks.
 //! Equations: Gauss-Newton with Huber rows, one convex program per step.
 
+use super::compress::Factors;
 use super::{
     Affine, Constraint, Loss, Options, Regression, Rows, Scale, Solution, SolveError, Unknown, covariance, profile,
     robust, student,
@@ -148,7 +149,7 @@ pub fn refine(problem: &Smooth, loss: Loss) -> Result<Solution, SolveError> {
         .collect();
     let minimiser = robust::Minimiser { theta: vec![0.0; theta.len()], at_bound, accuracy };
     let options = Options { loss, correct: problem.correct, ..Options::default() };
-    let mut solution = covariance::of_regression(&end, &scales, &options, minimiser);
+    let mut solution = covariance::of_regression(&end, &Factors::of(&end), &scales, &options, minimiser);
     solution.theta.iter_mut().zip(&theta).for_each(|(step, value)| *step += value);
     solution.cost = costs;
     for index in problem.profiled.iter().copied() {
@@ -232,7 +233,8 @@ impl Descent<'_> {
             for _ in 0..ATTEMPTS {
                 let step = linearised(problem, &point.theta, &point.residuals, &jacobian, trust, None);
                 let pull = self.pull.map(|pull| pull.from(&point.theta));
-                let minimum = robust::minimise(&step, self.scales, self.loss, &options, pull.as_ref())?;
+                let minimum =
+                    robust::minimise(&step, &Factors::of(&step), self.scales, self.loss, &options, pull.as_ref())?;
                 if minimum.accuracy != super::Accuracy::Solved {
                     point.accuracy = minimum.accuracy;
                 }

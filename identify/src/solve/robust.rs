@@ -6,7 +6,7 @@
 //! when the target lies in its own piece: that is the exact minimiser. A few reweighted
 //! least-squares steps come first, because they approach from anywhere.
 
-use super::compress::Compressor;
+use super::compress::{Compressor, Factors};
 use super::conic::{self, Feasible};
 use super::polish::{self, Minimum};
 use super::profile::Pull;
@@ -47,28 +47,21 @@ fn median(mut values: Vec<f64>) -> f64 {
     if n % 2 == 1 { *middle } else { 0.5 * (below.iter().copied().fold(f64::NEG_INFINITY, f64::max) + *middle) }
 }
 
-/// Rows divided by their noise level, columns scaled to unit root mean square.
-struct Scaled {
-    unknowns: usize,
-    a: Vec<f64>,
-    y: Vec<f64>,
-    /// `z = column * theta`.
+/// The unknowns `z = column * theta` in which columns of the rows, divided by their noise level, have unit root mean square.
+struct Units {
     column: Vec<f64>,
+    /// What is known of `z` beforehand: rows that always count as squares.
     priors: Vec<(Vec<f64>, f64)>,
 }
 
-impl Scaled {
-    fn new(regression: &Regression, scales: &[f64], pull: Option<&Pull>) -> Self {
+impl Units {
+    fn new(regression: &Regression, factors: &Factors, scales: &[f64], pull: Option<&Pull>) -> Self {
         let n = regression.unknowns.len();
         let rows: usize = regression.groups.iter().map(super::Rows::len).sum();
-        let (mut a, mut y) = (Vec::with_capacity(rows * n), Vec::with_capacity(rows));
-        for (group, scale) in regression.groups.iter().zip(scales) {
-            a.extend(group.a.iter().map(|value| value / scale));
-            y.extend(group.y.iter().map(|value| value / scale));
-        }
         let mut squares = vec![0.0; n];
-        for row in a.chunks_exact(n) {
-            squares.iter_mut().zip(row).for_each(|(sum, value)| *sum += value * value);
+        for (factor, scale) in factors.iter().zip(scales) {
+            let of_group = factor.r.column_iter().map(|column| column.norm_squared() / (scale * scale));
+            squares.iter_mut().zip(of_group).for_each(|(sum, square)| *sum += square);
         }
         let column: Vec<f64> = squares
             .iter()
@@ -79,9 +72,6 @@ impl Scaled {
                 _ => unknown.prior.map_or(1.0, |(_, std)| 1.0 / std),
             })
             .collect();
-        for row in a.chunks_exact_mut(n) {
-            row.iter_mut().zip(&column).for_each(|(value, scale)| *value /= scale);
-        }
         let priors = regression.unknowns.iter().enumerate().filter_map(|(index, unknown)| {
             let (mean, std) = unknown.prior?;
             let mut row = vec![0.0; n];
@@ -93,7 +83,51 @@ impl Scaled {
             let row = pull.row.iter().zip(&column).map(|(factor, scale)| factor / (pull.std * scale)).collect();
             (row, pull.value / pull.std)
         }));
-        Self { unknowns: n, a, y, column, priors }
+        Self { column, priors }
+    }
+
+    /// Least squares over the groups' factors instead of their rows.
+    fn least_squares(
+        &self,
+        name: &str,
+        factors: &Factors,
+        scales: &[f64],
+        feasible: &Feasible,
+    ) -> Result<Minimum, SolveError> {
+        let n = self.column.len();
+        let mut compressor = Compressor::new(n);
+        for (factor, scale) in factors.iter().zip(scales) {
+            for (row, y) in factor.r.row_iter().zip(&factor.d) {
+                let row: Vec<f64> = row.iter().zip(&self.column).map(|(value, column)| value / column).collect();
+                compressor.push(&row, *y, 1.0 / scale);
+            }
+        }
+        self.priors.iter().for_each(|(row, y)| compressor.push(row, *y, 1.0));
+        polish::quadratic(name, &compressor.finish(), &vec![0.0; n], feasible)
+    }
+}
+
+/// Rows divided by their noise level, in the scaled unknowns.
+struct Scaled {
+    unknowns: usize,
+    a: Vec<f64>,
+    y: Vec<f64>,
+    priors: Vec<(Vec<f64>, f64)>,
+}
+
+impl Scaled {
+    fn new(regression: &Regression, scales: &[f64], units: &Units) -> Self {
+        let n = regression.unknowns.len();
+        let rows: usize = regression.groups.iter().map(super::Rows::len).sum();
+        let (mut a, mut y) = (Vec::with_capacity(rows * n), Vec::with_capacity(rows));
+        for (group, scale) in regression.groups.iter().zip(scales) {
+            let factor: Vec<f64> = units.column.iter().map(|column| 1.0 / (scale * column)).collect();
+            for row in group.a.chunks_exact(n.max(1)) {
+                a.extend(row.iter().zip(&factor).map(|(value, factor)| value * factor));
+            }
+            y.extend(group.y.iter().map(|value| value / scale));
+        }
+        Self { unknowns: n, a, y, priors: units.priors.clone() }
     }
 
     fn rows(&self) -> impl Iterator<Item = (&[f64], f64)> {
@@ -130,43 +164,25 @@ impl Scaled {
     }
 }
 
-/// Minimises a loss over a regression whose groups have the noise levels `scales`, with one more quadratic row if something
-/// pulls.
+/// Minimises a loss over a regression, whose rows compress to `factors` and whose groups have the noise levels `scales`, with
+/// one more quadratic row if something pulls.
 pub fn minimise(
     regression: &Regression,
+    factors: &Factors,
     scales: &[f64],
     loss: Loss,
     options: &Options,
     pull: Option<&Pull>,
 ) -> Result<Minimiser, SolveError> {
-    let scaled = Scaled::new(regression, scales, pull);
+    let units = Units::new(regression, factors, scales, pull);
     let bounds: Vec<_> = regression.unknowns.iter().map(|unknown| (unknown.lower, unknown.upper)).collect();
-    let feasible = Feasible::new(&bounds, &regression.constraints, &scaled.column);
-    let name = &regression.name;
-    let few = scaled.y.len() <= options.exact_rows;
-    let first = scaled.quadratic(name, &feasible, scaled.y.iter().map(|_| (1.0, 0.0)))?;
-    let exact = |loss| conic::exact(name, loss, &first.z, scaled.rows(), &scaled.priors, &feasible);
+    let feasible = Feasible::new(&bounds, &regression.constraints, &units.column);
+    let first = units.least_squares(&regression.name, factors, scales, &feasible)?;
     let minimum = match loss {
         Loss::Ls => first,
-        Loss::Huber if few => {
-            let start = exact(Loss::Huber)?.x;
-            newton(name, &scaled, &feasible, HUBER_DELTA, start, 0)?
-        }
-        Loss::Huber => newton(name, &scaled, &feasible, HUBER_DELTA, first.z, 3)?,
-        Loss::L1 if few => {
-            let optimum = exact(Loss::L1)?;
-            let active = optimum.non_negative.iter().map(|(slack, dual)| dual > slack).collect();
-            Minimum { z: optimum.x, active, accuracy: optimum.accuracy }
-        }
-        Loss::L1 => {
-            let mut minimum = first;
-            for delta in [1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001] {
-                minimum = newton(name, &scaled, &feasible, delta, minimum.z, 3)?;
-            }
-            minimum
-        }
+        _ => robust(&regression.name, &Scaled::new(regression, scales, &units), &feasible, loss, options, first)?,
     };
-    let mut at_bound = vec![false; scaled.unknowns];
+    let mut at_bound = vec![false; bounds.len()];
     let reach = 1e-9 * (1.0 + minimum.z.iter().fold(0.0, |most: f64, z| most.max(z.abs())));
     for ((row, active), bound_of) in feasible.half_spaces.iter().zip(&minimum.active).zip(&feasible.bound_of) {
         // Copies of a half space share its multiplier, so that none of them may look active.
@@ -177,7 +193,7 @@ pub fn minimise(
             }
         }
     }
-    let mut theta: Vec<f64> = minimum.z.iter().zip(&scaled.column).map(|(z, scale)| z / scale).collect();
+    let mut theta: Vec<f64> = minimum.z.iter().zip(&units.column).map(|(z, scale)| z / scale).collect();
     for (index, (value, (lower, upper))) in theta.iter_mut().zip(&bounds).enumerate() {
         *value = value.clamp(*lower, *upper);
         // Scaling there and back leaves an active bound one rounding away.
@@ -189,6 +205,39 @@ pub fn minimise(
         }
     }
     Ok(Minimiser { theta, at_bound, accuracy: minimum.accuracy })
+}
+
+/// Minimises Huber's loss or L1 from the least-squares answer.
+fn robust(
+    name: &str,
+    scaled: &Scaled,
+    feasible: &Feasible,
+    loss: Loss,
+    options: &Options,
+    first: Minimum,
+) -> Result<Minimum, SolveError> {
+    let few = scaled.y.len() <= options.exact_rows;
+    let exact = |loss| conic::exact(name, loss, &first.z, scaled.rows(), &scaled.priors, feasible);
+    match loss {
+        Loss::Ls => Ok(first),
+        Loss::Huber if few => {
+            let start = exact(Loss::Huber)?.x;
+            newton(name, scaled, feasible, HUBER_DELTA, start, 0)
+        }
+        Loss::Huber => newton(name, scaled, feasible, HUBER_DELTA, first.z, 3),
+        Loss::L1 if few => {
+            let optimum = exact(Loss::L1)?;
+            let active = optimum.non_negative.iter().map(|(slack, dual)| dual > slack).collect();
+            Ok(Minimum { z: optimum.x, active, accuracy: optimum.accuracy })
+        }
+        Loss::L1 => {
+            let mut minimum = first;
+            for delta in [1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001] {
+                minimum = newton(name, scaled, feasible, delta, minimum.z, 3)?;
+            }
+            Ok(minimum)
+        }
+    }
 }
 
 /// Huber cost with threshold `delta`.
