@@ -40,13 +40,6 @@ fn rows_20000(bencher: Bencher, loss: Loss) {
     bencher.bench_local(|| solve(black_box(&problem), &Options { loss, ..Options::default() }).unwrap());
 }
 
-#[divan::bench(sample_count = 5)]
-fn exact_huber_2000(bencher: Bencher) {
-    let problem = bounded(2000);
-    let options = Options { exact_rows: usize::MAX, ..Options::default() };
-    bencher.bench_local(|| solve(black_box(&problem), &options).unwrap());
-}
-
 /// Excitation of a nursing robot at 100 Hz.
 fn drive(seconds: f64) -> Log {
     let settings = vec![("plant.duration".to_owned(), seconds)];

@@ -14,11 +14,11 @@
 //! | loss | up to [`Options::exact_rows`] rows | more rows |
 //! |---|---|---|
 //! | least squares | QR-compressed to one row per unknown, then Clarabel | the same |
-//! | Huber | the exact conic program in Clarabel, then Newton on the active pieces | Newton on the active pieces, each step a compressed QP in Clarabel |
+//! | Huber | the same as for more rows; where it proves no minimiser, the exact conic program in Clarabel, then Newton again | Newton on the active pieces, each step a compressed QP in Clarabel |
 //! | L1 | the exact conic (linear) program in Clarabel | Huber with a threshold shrunk towards zero |
 //!
 //! Newton on the piecewise quadratic Huber cost ends after finitely many steps in the exact minimiser,
-//! so both columns agree to rounding. An interior-point method stops slightly inside an active
+//! so that it needs no other proof. An interior-point method stops slightly inside an active
 //! bound; [`polish`] puts the answer on it.
 
 pub mod compress;
@@ -261,7 +261,8 @@ pub struct Options {
     pub loss: Loss,
     /// Passes that estimate the noise levels before the final solve.
     pub scale_passes: usize,
-    /// Up to this many rows Huber and L1 go to Clarabel as the exact conic program.
+    /// Up to this many rows L1, and a Huber cost whose minimiser Newton's method does not prove, go to Clarabel as the exact
+    /// conic program.
     pub exact_rows: usize,
     /// Subtract the estimated bias from the solution.
     pub correct: bool,

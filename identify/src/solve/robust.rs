@@ -220,11 +220,14 @@ fn robust(
     let exact = |loss| conic::exact(name, loss, &first.z, scaled.rows(), &scaled.priors, feasible);
     match loss {
         Loss::Ls => Ok(first),
-        Loss::Huber if few => {
+        Loss::Huber => {
+            let descended = newton(name, scaled, feasible, HUBER_DELTA, first.z.clone(), 3)?;
+            if descended.proved || !few {
+                return Ok(descended.minimum);
+            }
             let start = exact(Loss::Huber)?.x;
-            newton(name, scaled, feasible, HUBER_DELTA, start, 0)
+            Ok(newton(name, scaled, feasible, HUBER_DELTA, start, 0)?.minimum)
         }
-        Loss::Huber => newton(name, scaled, feasible, HUBER_DELTA, first.z, 3),
         Loss::L1 if few => {
             let optimum = exact(Loss::L1)?;
             let active = optimum.non_negative.iter().map(|(slack, dual)| dual > slack).collect();
@@ -233,7 +236,7 @@ fn robust(
         Loss::L1 => {
             let mut minimum = first;
             for delta in [1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001] {
-                minimum = newton(name, scaled, feasible, delta, minimum.z, 3)?;
+                minimum = newton(name, scaled, feasible, delta, minimum.z, 3)?.minimum;
             }
             Ok(minimum)
         }
@@ -257,6 +260,13 @@ fn side(r: f64, delta: f64) -> i8 {
     }
 }
 
+/// Where Newton's method ended.
+struct Descended {
+    minimum: Minimum,
+    /// It minimises its own piece of a convex cost, and with it the whole.
+    proved: bool,
+}
+
 fn newton(
     name: &str,
     scaled: &Scaled,
@@ -264,7 +274,7 @@ fn newton(
     delta: f64,
     start: Vec<f64>,
     reweighted: usize,
-) -> Result<Minimum, SolveError> {
+) -> Result<Descended, SolveError> {
     const STEPS: usize = 100;
     let mut best = Minimum { z: start, active: vec![false; feasible.half_spaces.len()], accuracy: Accuracy::Solved };
     let mut residuals = scaled.residuals(&best.z);
@@ -296,7 +306,7 @@ fn newton(
         reweight = reweight.saturating_sub(1);
         let ahead = scaled.residuals(&target.z);
         if !was_reweighted && ahead.iter().zip(&residuals).all(|(new, old)| side(*new, delta) == side(*old, delta)) {
-            return Ok(target);
+            return Ok(Descended { minimum: target, proved: true });
         }
         let mut share = 1.0;
         loop {
@@ -309,16 +319,17 @@ fn newton(
                 residuals = trial;
                 value = reached;
                 if gain < 1e-15 * value.max(1.0) && reweight == 0 {
-                    return Ok(best);
+                    return Ok(Descended { minimum: best, proved: false });
                 }
                 break;
             }
             share *= 0.5;
             if share < 1e-9 {
                 // No descent is left: the point is the minimiser up to rounding.
-                return Ok(Minimum { z: best.z, active: target.active, accuracy: target.accuracy });
+                let minimum = Minimum { z: best.z, active: target.active, accuracy: target.accuracy };
+                return Ok(Descended { minimum, proved: false });
             }
         }
     }
-    Ok(best)
+    Ok(Descended { minimum: best, proved: false })
 }
