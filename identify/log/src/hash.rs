@@ -4,88 +4,43 @@ use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::thread::JoinHandle;
 
-/// From so many bytes on another thread hashes, beside the reader.
+/// From so many bytes on another thread hashes a file, beside its reader.
 const LARGE: u64 = 1 << 20;
 /// Bytes of a file that are hashed at once.
 const BLOCK: usize = 1 << 18;
-/// Blocks that may wait for the other thread.
-const WAITING: usize = 16;
 
-/// Passes bytes on and remembers their number and SHA-256.
-pub struct Hashed<R> {
-    from: R,
-    hasher: Hasher,
+/// Passes bytes on, counts them and takes their SHA-256 if that is not taken beside.
+pub struct Hashed<'a> {
+    from: Box<dyn Read + 'a>,
+    hash: Option<Sha256>,
     /// How many bytes have passed.
     pub count: u64,
 }
 
-enum Hasher {
-    Here(Sha256),
-    Beside { blocks: SyncSender<Vec<u8>>, used: Receiver<Vec<u8>>, thread: JoinHandle<Sha256> },
-}
-
-impl Hasher {
-    /// Goes on with another thread, if there can be one.
-    fn beside(hash: Sha256) -> Self {
-        let (blocks, waiting) = sync_channel::<Vec<u8>>(WAITING);
-        let (done, used) = sync_channel(WAITING + 2);
-        let mut other = hash.clone();
-        let work = move || {
-            for block in waiting {
-                other.update(&block);
-                let _ = done.try_send(block);
-            }
-            other
-        };
-        match std::thread::Builder::new().spawn(work) {
-            Ok(thread) => Self::Beside { blocks, used, thread },
-            Err(_) => Self::Here(hash),
-        }
-    }
-}
-
-impl<R> Hashed<R> {
-    /// From the first byte on.
-    pub fn new(from: R) -> Self {
-        Self { from, hasher: Hasher::Here(Sha256::new()), count: 0 }
+impl<'a> Hashed<'a> {
+    pub fn new(from: impl Read + 'a) -> Self {
+        Self { hash: Some(Sha256::new()), ..Self::beside(from) }
     }
 
-    /// Of what has passed, hexadecimal.
+    /// For bytes whose hash is taken beside.
+    pub fn beside(from: impl Read + 'a) -> Self {
+        Self { from: Box::new(from), hash: None, count: 0 }
+    }
+
+    /// Of what has passed, hexadecimal; empty if it is taken beside.
     pub fn sha256(&mut self) -> String {
-        match std::mem::replace(&mut self.hasher, Hasher::Here(Sha256::new())) {
-            Hasher::Here(hash) => hexadecimal(&hash.finalize()),
-            Hasher::Beside { blocks, thread, .. } => {
-                drop(blocks);
-                // hashing does not panic
-                thread.join().map(|hash| hexadecimal(&hash.finalize())).unwrap_or_default()
-            }
-        }
+        self.hash.take().map(|hash| hexadecimal(&hash.finalize())).unwrap_or_default()
     }
 }
 
-impl<R: Read> Read for Hashed<R> {
+impl Read for Hashed<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let count = self.from.read(buffer)?;
-        let bytes = &buffer[..count];
-        self.count += count as u64;
-        match &mut self.hasher {
-            Hasher::Here(hash) => {
-                hash.update(bytes);
-                if self.count >= LARGE {
-                    self.hasher = Hasher::beside(hash.clone());
-                }
-            }
-            Hasher::Beside { blocks, used, .. } => {
-                let mut block = used.try_recv().unwrap_or_default();
-                block.clear();
-                block.extend_from_slice(bytes);
-                // the other end is open until this one closes
-                let _ = blocks.send(block);
-            }
+        if let Some(hash) = &mut self.hash {
+            hash.update(&buffer[..count]);
         }
+        self.count += count as u64;
         Ok(count)
     }
 }
@@ -135,12 +90,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_that_is_hashed_beside_the_reader_has_the_hash_of_its_bytes() {
-        for length in [0, 1000, LARGE as usize - 1, LARGE as usize, 3 * LARGE as usize + 12_345] {
-            let bytes: Vec<u8> = (0..length).map(|k| ((k * k) >> 7) as u8).collect();
-            let mut hashed = Hashed::new(bytes.as_slice());
-            assert_eq!(io::copy(&mut hashed, &mut io::sink()).unwrap(), length as u64);
-            assert_eq!(hashed.sha256(), of_bytes(&bytes), "{length} bytes");
+    fn files_of_any_length_have_the_published_hashes() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let path = folder.path().join("file");
+        // NIST's examples for FIPS 180-4, and for a file that is hashed beside its reader `head -c 16M /dev/zero | tr '\\0' a | sha256sum`.
+        for (text, count, hash) in [
+            ("", 1, "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"),
+            ("abc", 1, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"),
+            ("a", 1_000_000, "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0"),
+            ("a", 16_777_216, "5b6ff2e19d0da0fe323061018fc381393492884e74af8296c81ab9cb2694783a"),
+        ] {
+            std::fs::write(&path, text.repeat(count)).unwrap();
+            let (result, found) = beside(&path, || 7);
+            assert_eq!((result, found.unwrap().as_str()), (7, hash), "{count} times {text:?}");
+            assert_eq!(of_bytes(text.repeat(count).as_bytes()), hash);
         }
+        assert!(beside(&folder.path().join("nothing"), || ()).1.is_err());
     }
 }

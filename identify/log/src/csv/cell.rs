@@ -44,6 +44,11 @@ impl Cells {
         self.unusual(cell, kind)
     }
 
+    /// Whether numbers are written as most programs do, so that [`leading_number`] reads them.
+    pub fn are_plain(&self) -> bool {
+        self.decimal == b'.' && self.missing.is_empty()
+    }
+
     fn is_marker(&self, cell: &[u8]) -> bool {
         self.missing.iter().any(|text| text.as_bytes() == cell)
     }
@@ -91,6 +96,12 @@ impl Cells {
     pub fn is_value(&self, cell: &[u8]) -> bool {
         self.value(cell, &mut Kind::Unknown).is_some()
     }
+}
+
+/// The number with a decimal point with which a text begins, and its length; as [`Cells::value`] reads it.
+#[inline]
+pub fn leading_number(text: &[u8]) -> Option<(f64, usize)> {
+    fast_float2::parse_partial(text).ok()
 }
 
 /// A date and time of ISO 8601 or RFC 3339, s since 1970 in UTC; without a zone it is taken as UTC.

@@ -14,14 +14,16 @@ use super::columns::CsvOptions;
 use super::error::quoted;
 use super::recording::{Clock, Column, Group, Place, Recording, Values};
 use super::{Log, LogError};
+use crate::hash::{self, Hashed};
 use crate::progress::Progress;
 use crate::wanted::Wanted;
-use cell::Kind;
+use cell::{Kind, leading_number};
 use dialect::{Dialect, bare};
+use memchr::memchr_iter;
 use rows::{Row, Rows};
 use source::Source;
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 /// Rows between two looks at the progress handle.
@@ -42,7 +44,16 @@ pub(super) fn read(
     }
     let what = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     progress.start(format!("reading {what}"), meta.len());
-    let recording = parse(&name, file, options, wanted, progress);
+    // What is no file, such as a pipe, cannot be read by two.
+    let recording = if meta.is_file() {
+        let read = || parse(&name, Hashed::beside(file), options, wanted, progress);
+        let (recording, sha256) = hash::beside(path, read);
+        recording.and_then(|recording| {
+            Ok(Recording { sha256: sha256.map_err(|e| LogError::file(&name, e.to_string()))?, ..recording })
+        })
+    } else {
+        parse(&name, Hashed::new(file), options, wanted, progress)
+    };
     progress.finish();
     recording
 }
@@ -73,7 +84,7 @@ impl Reading {
 /// The parser itself, over any bytes.
 pub(super) fn parse(
     file: &str,
-    from: impl Read,
+    from: Hashed,
     options: &CsvOptions,
     wanted: &Wanted,
     to: &Progress,
@@ -103,7 +114,26 @@ pub(super) fn parse(
     let mut samples = Vec::new();
     let mut empty = 0;
     let mut seen = 0;
-    while let Some(row) = rows.next().map_err(fail)? {
+    let look = |row: usize, source: &Source, seen: &mut u64| {
+        if row.is_multiple_of(STRIDE) {
+            to.advance(source.position() - *seen);
+            *seen = source.position();
+            to.check()?;
+        }
+        Ok::<_, LogError>(())
+    };
+    let mut usual = usual(&columns, &read, &dialect);
+    loop {
+        if let Some(usual) = &usual
+            && let Some(line) = rows.plain().map_err(fail)?
+            && usual.read(line, &mut columns, samples.len())
+        {
+            samples.push(u32::try_from(dialect.skip.1 + rows.pass()).unwrap_or(u32::MAX));
+            empty = 0;
+            look(samples.len(), &source, &mut seen)?;
+            continue;
+        }
+        let Some(row) = rows.next().map_err(fail)? else { break };
         let line = dialect.skip.1 + row.line;
         let blank = row.iter().all(<[u8]>::is_empty);
         let surplus = row.len() > columns.len() && row.iter().skip(columns.len()).all(<[u8]>::is_empty);
@@ -127,11 +157,8 @@ pub(super) fn parse(
             }
         }
         samples.push(u32::try_from(line).unwrap_or(u32::MAX));
-        if samples.len() % STRIDE == 0 {
-            to.advance(source.position() - seen);
-            seen = source.position();
-            to.check()?;
-        }
+        look(samples.len(), &source, &mut seen)?;
+        usual = self::usual(&columns, &read, &dialect);
     }
     let mut notes: Vec<String> = dialect.note.iter().cloned().collect();
     if empty > 0 {
@@ -165,6 +192,70 @@ pub(super) fn parse(
         place: Place::Lines { header, samples },
         loader: None,
     })
+}
+
+/// How rows are read that are nothing but numbers and missing samples: in one go, without cutting them into cells first.
+struct Usual {
+    separator: u8,
+    /// Columns of a row, and those that are read, in order.
+    width: usize,
+    places: Vec<usize>,
+}
+
+/// None where columns hold times, numbers have a decimal comma, or texts of the map's choice mean missing samples.
+fn usual(columns: &[Reading], read: &[usize], dialect: &Dialect) -> Option<Usual> {
+    let numbers = |place: &usize| matches!(columns[*place].kind, Kind::Number | Kind::Unknown);
+    let places: Vec<usize> = read.iter().copied().filter(|place| columns[*place].text.is_none()).collect();
+    let plain = dialect.cells.are_plain() && dialect.separator != b' ' && places.iter().all(numbers);
+    plain.then_some(Usual { separator: dialect.separator, width: columns.len(), places })
+}
+
+impl Usual {
+    /// Adds a row to the columns, which have `rows` values; false, with nothing added, if it is of another kind.
+    fn read(&self, line: &[u8], columns: &mut [Reading], rows: usize) -> bool {
+        let read = self.try_read(line, columns).is_some();
+        if !read {
+            self.places.iter().for_each(|place| columns[*place].values.truncate(rows));
+        }
+        read
+    }
+
+    fn try_read(&self, line: &[u8], columns: &mut [Reading]) -> Option<()> {
+        let spaces = |text: &[u8]| text.iter().take_while(|byte| **byte == b' ').count();
+        // What stands before the next cell; nothing behind the last one.
+        let mut rest = Some(line);
+        let (mut next, mut numbers) = (0, 0);
+        for &place in &self.places {
+            let mut cell = rest?;
+            if place > next {
+                let at = memchr_iter(self.separator, cell).nth(place - next - 1)?;
+                cell = &cell[at + 1..];
+            }
+            next = place + 1;
+            cell = &cell[spaces(cell)..];
+            let mut number = None;
+            if cell.first().is_some_and(|byte| *byte != self.separator) {
+                let (value, length) = leading_number(cell)?;
+                number = Some(value);
+                cell = &cell[length..];
+                cell = &cell[spaces(cell)..];
+            }
+            rest = match cell.split_first() {
+                None => None,
+                Some((byte, after)) if *byte == self.separator => Some(after),
+                Some(_) => return None,
+            };
+            let column = &mut columns[place];
+            column.values.push(number.unwrap_or(f64::NAN));
+            if number.is_some() {
+                column.kind = Kind::Number;
+                numbers += 1;
+            }
+        }
+        let cells = next + rest.map_or(0, |rest| memchr_iter(self.separator, rest).count() + 1);
+        // Rows of nothing are counted elsewhere.
+        (cells == self.width && numbers > 0).then_some(())
+    }
 }
 
 fn finished(column: Reading, read: bool) -> Column {
@@ -228,4 +319,47 @@ pub(super) fn write(log: &Log, to: impl Write) -> io::Result<()> {
         writeln!(to)?;
     }
     to.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn cell() -> impl Strategy<Value = String> {
+        prop_oneof![
+            4 => any::<f64>().prop_map(|value| format!("{value:?}")),
+            2 => (-1e6..1e6).prop_map(|value: f64| format!(" {value:.3} ")),
+            2 => any::<i64>().prop_map(|value| value.to_string()),
+            1 => "[0-9]{0,30}[.][0-9]{1,30}(e-?[0-9]{1,3})?",
+            1 => Just(String::new()),
+            1 => Just("NaN".to_owned()),
+            1 => Just("\"2.5\"".to_owned()),
+        ]
+    }
+
+    proptest! {
+        /// The standard library's reading of the cells that the csv crate cuts.
+        #[test]
+        fn numbers_are_the_nearest_ones(rows in prop::collection::vec(prop::collection::vec(cell(), 5), 1..8)) {
+            let rows: Vec<String> = rows.iter().enumerate().map(|(k, row)| format!("{k},{}", row.join(","))).collect();
+            let text = format!("time,a,b,c,d,e\n{}\n", rows.join("\n"));
+            let mut reader = ::csv::ReaderBuilder::new();
+            let mut reader = reader.trim(::csv::Trim::All).from_reader(text.as_bytes());
+            let expected: Vec<Vec<u64>> = reader
+                .records()
+                .map(|record| record.unwrap().iter().map(|cell| cell.parse().unwrap_or(f64::NAN).to_bits()).collect())
+                .collect();
+            let keep = |name: &str| name == "b" || name == "d";
+            for wanted in [Wanted::all(), Wanted::new(None, &[], &keep)] {
+                let options = CsvOptions::default();
+                let recording = parse("log.csv", Hashed::new(text.as_bytes()), &options, &wanted, &Progress::none()).unwrap();
+                for (place, column) in recording.groups[0].columns.iter().enumerate() {
+                    let Values::Numbers(values) = &column.values else { continue };
+                    let bits = values.iter().map(|value| if value.is_nan() { f64::NAN.to_bits() } else { value.to_bits() });
+                    prop_assert_eq!(bits.collect::<Vec<_>>(), expected.iter().map(|row| row[place]).collect::<Vec<_>>());
+                }
+            }
+        }
+    }
 }

@@ -10,16 +10,19 @@ use std::io::{self, Read};
 use std::ops::Range;
 
 /// Bytes that are read at once, and what a longer row makes room for.
-const BLOCK: usize = 1 << 16;
+const BLOCK: usize = 1 << 18;
 
 /// The rows of a text whose lines all end in a line feed; empty lines and comments are left out.
 pub struct Rows<'a> {
     separator: u8,
     comment: Option<u8>,
     from: Box<dyn Read + 'a>,
-    /// What was read and stands from `start` on.
+    /// What was read stands from `start` to `end`.
     text: Vec<u8>,
     start: usize,
+    end: usize,
+    /// Length of the line at `start` that [`plain`](Self::plain) has found.
+    ahead: usize,
     /// Lines before `start`.
     lines: u64,
     quoted: Box<Reader>,
@@ -60,11 +63,29 @@ impl<'a> Rows<'a> {
             from,
             text: Vec::new(),
             start: 0,
+            end: 0,
+            ahead: 0,
             lines: 0,
             quoted: Box::new(ReaderBuilder::new().delimiter(dialect.separator).comment(dialect.comment).build()),
             joined: (vec![0; 1 << 10], vec![0; 1 << 6]),
             cells: Vec::new(),
         }
+    }
+
+    /// The next row as it stands, if it has no quotes; [`pass`](Self::pass) or [`next`](Self::next) goes on.
+    pub fn plain(&mut self) -> io::Result<Option<&[u8]>> {
+        let Some(length) = self.line()? else { return Ok(None) };
+        self.ahead = length;
+        let line = &self.text[self.start..self.start + length];
+        let is_row = !line.is_empty() && self.comment != Some(line[0]) && memchr(b'"', line).is_none();
+        Ok(is_row.then_some(line))
+    }
+
+    /// Goes on behind the row that [`plain`](Self::plain) has returned; the number of its line, from 1.
+    pub fn pass(&mut self) -> u64 {
+        self.start += self.ahead + 1;
+        self.lines += 1;
+        self.lines
     }
 
     /// The next row; `None` at the end.
@@ -95,10 +116,10 @@ impl<'a> Rows<'a> {
     fn line(&mut self) -> io::Result<Option<usize>> {
         let mut seen = 0;
         loop {
-            if let Some(length) = memchr(b'\n', &self.text[self.start + seen..]) {
+            if let Some(length) = memchr(b'\n', &self.text[self.start + seen..self.end]) {
                 return Ok(Some(seen + length));
             }
-            seen = self.text.len() - self.start;
+            seen = self.end - self.start;
             if !self.more()? {
                 return Ok(None);
             }
@@ -107,14 +128,16 @@ impl<'a> Rows<'a> {
 
     /// Reads on, after what stands from `start` on; false at the end of the text.
     fn more(&mut self) -> io::Result<bool> {
-        self.text.drain(..self.start);
-        self.start = 0;
+        self.text.copy_within(self.start..self.end, 0);
+        (self.start, self.end) = (0, self.end - self.start);
         // As much again as there is: a row of any length takes linear time.
-        let seen = self.text.len();
-        self.text.resize(seen + BLOCK.max(seen), 0);
-        let count = read_some(&mut self.from, &mut self.text[seen..]);
-        self.text.truncate(seen + *count.as_ref().unwrap_or(&0));
-        Ok(count? > 0)
+        let room = self.end + BLOCK.max(self.end);
+        if self.text.len() < room {
+            self.text.resize(room, 0);
+        }
+        let count = read_some(&mut self.from, &mut self.text[self.end..])?;
+        self.end += count;
+        Ok(count > 0)
     }
 
     /// The row at `start`, which has quotes.
@@ -122,7 +145,7 @@ impl<'a> Rows<'a> {
         let (mut length, mut count) = (0, 0);
         loop {
             let (bytes, ends) = &mut self.joined;
-            let input = &self.text[self.start..];
+            let input = &self.text[self.start..self.end];
             let (result, read, written, ended) =
                 self.quoted.read_record(input, &mut bytes[length..], &mut ends[count..]);
             self.lines += memchr_iter(b'\n', &input[..read]).count() as u64;
@@ -178,6 +201,7 @@ mod tests {
     use super::super::CsvOptions;
     use super::super::source::Source;
     use super::*;
+    use crate::hash::Hashed;
     use proptest::prelude::*;
 
     /// Hands a text out in pieces of a few bytes, as a slow medium does.
@@ -194,7 +218,7 @@ mod tests {
 
     fn dialect() -> Dialect {
         let options = CsvOptions::default();
-        let source = Source::open("log.csv", &b"time,speed\n0,1\n1,2\n"[..], None).unwrap();
+        let source = Source::open("log.csv", Hashed::new(&b"time,speed\n0,1\n1,2\n"[..]), None).unwrap();
         Dialect::detect("log.csv", &source, &options).unwrap()
     }
 

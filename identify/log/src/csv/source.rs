@@ -4,6 +4,7 @@ use crate::LogError;
 use crate::columns::Encoding;
 use crate::hash::Hashed;
 use encoding_rs::{CoderResult, Decoder};
+use memchr::memchr;
 use std::cell::RefCell;
 use std::io::{self, Cursor, Read};
 use std::rc::Rc;
@@ -15,15 +16,10 @@ const LARGEST: u64 = 1 << 30;
 const FOLD: u64 = 200;
 
 /// The same reader in two hands: one reads it to pieces, one asks for the hash at the end.
-struct Shared<R>(Rc<RefCell<Hashed<R>>>);
+#[derive(Clone)]
+struct Shared<'a>(Rc<RefCell<Hashed<'a>>>);
 
-impl<R> Clone for Shared<R> {
-    fn clone(&self) -> Self {
-        Self(Rc::clone(&self.0))
-    }
-}
-
-impl<R: Read> Read for Shared<R> {
+impl Read for Shared<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         self.0.borrow_mut().read(buffer)
     }
@@ -31,7 +27,7 @@ impl<R: Read> Read for Shared<R> {
 
 /// What stands at the start of a text file, and the rest of it.
 pub struct Source<'a> {
-    bytes: Shared<Box<dyn Read + 'a>>,
+    bytes: Shared<'a>,
     /// The unpacked start.
     pub sample: Vec<u8>,
     /// The whole unpacked file, the sample included, in UTF-8 or Latin-1.
@@ -43,10 +39,9 @@ pub struct Source<'a> {
 
 impl<'a> Source<'a> {
     /// Opens a text file; `encoding` is detected if it is not given.
-    pub fn open(file: &str, from: impl Read + 'a, encoding: Option<Encoding>) -> Result<Self, LogError> {
+    pub fn open(file: &str, from: Hashed<'a>, encoding: Option<Encoding>) -> Result<Self, LogError> {
         let fail = |e: io::Error| LogError::file(file, unpacking(&e));
-        let from: Box<dyn Read + 'a> = Box::new(from);
-        let bytes = Shared(Rc::new(RefCell::new(Hashed::new(from))));
+        let bytes = Shared(Rc::new(RefCell::new(from)));
         let (start, _) = take(&mut bytes.clone(), 4).map_err(fail)?;
         let packed = Cursor::new(start.clone()).chain(bytes.clone());
         let mut unpacked: Box<dyn Read + 'a> = match start.as_slice() {
@@ -100,7 +95,7 @@ impl<'a> Source<'a> {
         self.bytes.0.borrow().count
     }
 
-    /// SHA-256 of the whole file, hexadecimal.
+    /// SHA-256 of the whole file, hexadecimal; empty if it is taken beside.
     pub fn sha256(self) -> io::Result<String> {
         drop(self.text);
         io::copy(&mut self.bytes.clone(), &mut io::sink())?;
@@ -137,7 +132,7 @@ impl<R: Read> Read for Lines<R> {
             let mut kept = count;
             if self.ends == Ends::Return {
                 buffer[..count].iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
-            } else if buffer[..count].contains(&b'\r') {
+            } else if memchr(b'\r', &buffer[..count]).is_some() {
                 kept = 0;
                 for index in 0..count {
                     if buffer[index] != b'\r' {
@@ -159,7 +154,7 @@ impl<R: Read> Read for Lines<R> {
 /// Unpacked bytes, as long as there are not absurdly many of them.
 struct Bounded<'a, R> {
     from: R,
-    packed: Shared<Box<dyn Read + 'a>>,
+    packed: Shared<'a>,
     count: u64,
 }
 
