@@ -5,7 +5,8 @@ use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
 use wheelstate_identify::report;
 use wheelstate_identify::result::{
-    CorrelationPair, Covariance, FORMAT_VERSION, FitReport, LogEntry, Parameter, SignalFit, Trace, Validation, Verdict,
+    CorrelationPair, Covariance, FORMAT_VERSION, FitReport, LogEntry, OfLog, Parameter, SignalFit, Trace, Validation,
+    Verdict,
 };
 
 fn parameter(value: f64, std_error: f64, unit: &str, verdict: Verdict) -> Parameter {
@@ -211,4 +212,42 @@ fn columns_line_up_and_fit_the_terminal() {
 fn only_identified_values_become_start_values() {
     let expected = "--start-values human.damping_pitch 24.1 human.stiffness_pitch 412.34 rolling.coefficient 0.0153";
     assert_eq!(report::start_values(&sample()).unwrap(), expected);
+}
+
+/// A result of so many logs; the fit of log k is 90 - k %, its rmse 3 rad, that of the last one 4 rad.
+fn of_logs(count: usize) -> FitReport {
+    let file = |k: usize| format!("log{k}.csv");
+    let signal = |k: usize| SignalFit {
+        name: "tilt".to_owned(),
+        unit: "rad".to_owned(),
+        log: file(k),
+        samples: 10,
+        rmse: if k + 1 == count { 4.0 } else { 3.0 },
+        fit_percent: 90.0 - k as f64,
+        fit_percent_training: 95.0,
+        ..SignalFit::default()
+    };
+    let own = (0..count).map(|k| (file(k), OfLog { value: k as f64, std_error: 0.5 })).collect();
+    let mut report = sample();
+    report.logs = (0..count).map(|k| LogEntry { file: file(k), samples: 100, ..LogEntry::default() }).collect();
+    report.validation.signals = (0..count).map(signal).collect();
+    report.parameters.get_mut("human.rest_pitch").unwrap().per_log = own;
+    report
+}
+
+#[test]
+fn a_signal_of_many_logs_takes_one_line_and_each_log_one_on_demand() {
+    let text = report::table(&of_logs(6));
+    let lines: Vec<&str> = text.lines().filter(|line| line.contains("tilt")).collect();
+    // Fits of 90, 89, ... 85 %; five errors of 3 rad and one of 4: the root of 61 / 6.
+    let expected = "fit  87.5 % (training 95.0 %), rmse 3.19 rad, 60 samples of 6 logs; 85.0 % in log5.csv";
+    assert!(lines.len() == 1 && lines[0].ends_with(expected), "{lines:?}");
+    let few = report::table(&of_logs(2));
+    let named =
+        ["log0.csv", "log1.csv"].map(|log| few.lines().any(|line| line.contains("tilt") && line.ends_with(log)));
+    assert_eq!(named, [true, true], "{few}");
+    let each = report::each_log(&of_logs(6));
+    let rows: Vec<Vec<&str>> = each.lines().skip(2).map(|line| line.split_whitespace().collect()).collect();
+    assert_eq!(rows.len(), 6, "{each}");
+    assert_eq!(rows[3], ["log3.csv", "100", "87.0", "%", "3.000", "+-0.50"]);
 }

@@ -70,7 +70,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Outcome, Refusal> {
     read_each(args.vehicle, &args.logs, &args.vehicle.reads(), &progress, |path, log| {
         match log {
             Ok(log) => {
-                tell(&log);
+                tell(std::slice::from_ref(&log));
                 let found = findings(args.vehicle, std::slice::from_ref(&log), &known, &args.allowed.codes)?;
                 let usable = worst(&found) < Severity::Refusal;
                 all.extend(found);

@@ -93,6 +93,9 @@ pub(super) struct FitArgs {
     /// noise in the regressors and by what the regression neglects.
     #[arg(long)]
     correct: bool,
+    /// Print a table with a line for each log: how well it is predicted, and the values that are its own.
+    #[arg(long)]
+    each_log: bool,
     #[command(flatten)]
     allowed: check::Allowed,
     /// Write the result; of a fit that is refused, what was read and what is wrong.
@@ -141,7 +144,11 @@ pub(super) fn run(args: &FitArgs) -> Result<Outcome, Refusal> {
         outputs.text(path, &report::residuals(&result))?;
         outputs.commit()?;
     }
-    deliver(&result, args.out.as_deref(), args.ssv.as_deref(), args.report.as_deref())
+    let outcome = deliver(&result, args.out.as_deref(), args.ssv.as_deref(), args.report.as_deref())?;
+    if args.each_log {
+        print(&report::each_log(&result));
+    }
+    Ok(outcome)
 }
 
 /// What is asked for, for logs of these paths.
@@ -195,10 +202,9 @@ fn read(
     let reads = args.vehicle.reads();
     let laws: Vec<_> = args.varies.iter().filter_map(|text| settings::parse_law(text).1).collect();
     let keep = |name: &str| reads(name) || laws.iter().any(|channel| channel == name);
-    read_each(args.vehicle, &these, &keep, progress, |path, log| {
+    let all_read = read_each(args.vehicle, &these, &keep, progress, |path, log| {
         match log {
             Ok(log) => {
-                tell(&log);
                 logs.push(log);
                 kept.push(path.to_path_buf());
             }
@@ -206,7 +212,9 @@ fn read(
             Err(error) => return Err(error.into()),
         }
         Ok(())
-    })?;
+    });
+    tell(&logs);
+    all_read?;
     if logs.is_empty() {
         return Err(Refusal(skipped.join("; ")));
     }

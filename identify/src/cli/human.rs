@@ -62,7 +62,7 @@ pub(super) fn estimate(args: &EstimateArgs) -> Result<Outcome, Refusal> {
         eprintln!("{}: warning: {warning}", super::program());
     }
     let log = Log::read(&args.log, None, &progress)?;
-    super::tell(&log);
+    super::tell(std::slice::from_ref(&log));
     let result = estimate::run(&mut setup, &log, &progress)?;
     let mut outputs = Outputs::new();
     outputs.file(&args.out, |file| result.write(&args.out, file))?;

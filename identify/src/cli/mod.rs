@@ -193,11 +193,10 @@ fn read_logs(
 ) -> Result<Vec<Log>, Refusal> {
     let mut logs = Vec::with_capacity(args.logs.len());
     read_each(vehicle, args, keep, progress, |_, log| {
-        let log = log?;
-        tell(&log);
-        logs.push(log);
+        logs.push(log?);
         Ok(())
     })?;
+    tell(&logs);
     Ok(logs)
 }
 
@@ -222,10 +221,23 @@ fn read_each(
     Ok(())
 }
 
-/// Says what was detected, repaired or left out of a log.
-fn tell(log: &Log) {
-    for note in &log.notes {
-        eprintln!("{}: note: {}: {}", program(), log.source, note.replace(['\n', '\r'], " "));
+/// Says what was detected, repaired or left out of logs; what holds for several of them in one line.
+fn tell(logs: &[Log]) {
+    let mut notes: Vec<(&str, Vec<&str>)> = Vec::new();
+    for log in logs {
+        for note in &log.notes {
+            match notes.iter_mut().find(|(other, _)| *other == note) {
+                Some((_, sources)) => sources.push(&log.source),
+                None => notes.push((note, vec![&log.source])),
+            }
+        }
+    }
+    for (note, sources) in notes {
+        let logs = match sources.as_slice() {
+            [first, _, _, ..] => format!("{first} and {} other logs", sources.len() - 1),
+            few => few.join(" and "),
+        };
+        eprintln!("{}: note: {logs}: {}", program(), note.replace(['\n', '\r'], " "));
     }
 }
 

@@ -99,7 +99,7 @@ pub(super) fn run(args: &RunArgs) -> Result<Outcome, Refusal> {
     let (mut worst, mut objects) = (Outcome::Done, Vec::new());
     read_each(args.vehicle, &args.logs, &args.vehicle.reads(), &progress, |path, log| {
         let log = log?;
-        tell(&log);
+        tell(std::slice::from_ref(&log));
         let run = args.vehicle.run(&log, &settings, &progress)?;
         let assessment = assess(&run, &log);
         if !assessment.warnings.is_empty() {

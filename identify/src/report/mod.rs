@@ -13,4 +13,4 @@ pub use plot::PlotError;
 pub use residuals::residuals;
 pub use run::run;
 pub use ssv::ssv;
-pub use table::{start_values, table};
+pub use table::{each_log, start_values, table};

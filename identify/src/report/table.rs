@@ -1,6 +1,6 @@
 //! The result as a table for the terminal.
 
-use crate::result::{FitReport, Parameter, SignalFit};
+use crate::result::{FitReport, OfLog, Parameter, SignalFit};
 use std::fmt::Write;
 
 /// The table, at most about 100 columns wide, ending in a new line.
@@ -45,25 +45,31 @@ pub fn start_values(report: &FitReport) -> Option<String> {
 fn parameters(report: &FitReport, text: &mut String) {
     let head = ["parameter", "value", "unit", "95 % interval", "by noise", "t", "truth", "verdict"].map(str::to_owned);
     let rows = report.parameters.iter().map(|(name, p)| row(name, p, report.references.get(name)));
-    let rows: Vec<[String; 8]> = std::iter::once(head).chain(rows).collect();
+    let mut rows: Vec<Vec<String>> = std::iter::once(head).chain(rows).map(Vec::from).collect();
+    if report.references.is_empty() {
+        rows.iter_mut().for_each(|row| _ = row.remove(TRUTH));
+    }
+    let last = rows[0].len() - 1;
+    aligned(&rows, |column| column == 1 || (3..last).contains(&column), text);
+}
+
+/// Rows of equally many cells. Numbers, in the columns that are `right`, end at the same place; words begin at the same place.
+fn aligned(rows: &[Vec<String>], right: impl Fn(usize) -> bool, text: &mut String) {
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-    let widths: [usize; 8] = std::array::from_fn(width);
-    for row in &rows {
+    let widths: Vec<usize> = (0..rows.first().map_or(0, Vec::len)).map(width).collect();
+    for row in rows {
         let mut line = String::new();
         for (column, cell) in row.iter().enumerate() {
-            if column == TRUTH && report.references.is_empty() {
-                continue;
-            }
             let fill = " ".repeat(widths[column] - cell.chars().count());
-            // Numbers end at the same column, words begin at the same column.
-            let (before, after) =
-                if matches!(column, 1 | 3 | 4 | 5 | TRUTH) { (fill, String::new()) } else { (String::new(), fill) };
+            let (before, after) = if right(column) { (fill, String::new()) } else { (String::new(), fill) };
             let _ = write!(line, "{before}{cell}{after}  ");
         }
         let _ = writeln!(text, "{}", line.trim_end());
     }
 }
 
+/// A signal of so many logs is shown log by log.
+const FEW: usize = 4;
 /// Column of the true values, left out if there are none.
 const TRUTH: usize = 6;
 
@@ -110,14 +116,25 @@ fn quality(report: &FitReport, text: &mut String) {
     }
     if !report.validation.signals.is_empty() {
         let share = 100.0 * report.validation.held_out;
-        let _ = if share < 100.0 {
-            writeln!(text, "\nprediction of the last {share:.0} % of the samples, not used for that fit:")
+        let what = if share < 100.0 {
+            format!("the last {share:.0} % of the samples, not used for that fit")
         } else {
-            writeln!(text, "\nprediction of the logs that were held out:")
+            "the logs that were held out".to_owned()
         };
+        let many = by_name(&report.validation.signals).iter().any(|(_, logs)| logs.len() > FEW);
+        let how = if many { " (median of the logs; --each-log lists them)" } else { "" };
+        let _ = writeln!(text, "\nprediction of {what}{how}:");
         let width = report.validation.signals.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
-        for signal in &report.validation.signals {
-            let _ = writeln!(text, "  {:width$}  {}", signal.name, validation_words(signal));
+        for (name, logs) in by_name(&report.validation.signals) {
+            match logs.as_slice() {
+                [only] => _ = writeln!(text, "  {name:width$}  {}", validation_words(only)),
+                few if few.len() <= FEW => {
+                    for signal in few {
+                        let _ = writeln!(text, "  {name:width$}  {}, {}", validation_words(signal), signal.log);
+                    }
+                }
+                many => _ = writeln!(text, "  {name:width$}  {}", words_of_many(many)),
+            }
         }
     }
     if !report.warnings.is_empty() || !report.notes.is_empty() {
@@ -125,8 +142,86 @@ fn quality(report: &FitReport, text: &mut String) {
     }
 }
 
+/// The fits of each signal, in the order in which the signals first stand.
+fn by_name(signals: &[SignalFit]) -> Vec<(&str, Vec<&SignalFit>)> {
+    let mut names: Vec<(&str, Vec<&SignalFit>)> = Vec::new();
+    for signal in signals {
+        match names.iter_mut().find(|(name, _)| *name == signal.name) {
+            Some((_, logs)) => logs.push(signal),
+            None => names.push((&signal.name, vec![signal])),
+        }
+    }
+    names
+}
+
+/// One signal in many logs: the medians, the error of all samples together, and the log that is predicted worst.
+fn words_of_many(logs: &[&SignalFit]) -> String {
+    let median = |of: fn(&SignalFit) -> f64| {
+        let mut values: Vec<f64> = logs.iter().map(|log| of(log)).filter(|value| value.is_finite()).collect();
+        values.sort_by(f64::total_cmp);
+        let middle = values.len() / 2;
+        match values.len() {
+            0 => f64::NAN,
+            even if even % 2 == 0 => (values[middle - 1] + values[middle]) / 2.0,
+            _ => values[middle],
+        }
+    };
+    let known = || logs.iter().filter(|log| log.rmse.is_finite());
+    let (squares, count) = known()
+        .fold((0.0, 0), |(squares, count), log| (squares + log.samples as f64 * log.rmse.powi(2), count + log.samples));
+    let all = SignalFit {
+        unit: logs[0].unit.clone(),
+        samples: logs.iter().map(|log| log.samples).sum(),
+        rmse: (squares / count as f64).sqrt(),
+        fit_percent: median(|log| log.fit_percent),
+        fit_percent_training: median(|log| log.fit_percent_training),
+        ..SignalFit::default()
+    };
+    let worst =
+        logs.iter().filter(|log| log.fit_percent.is_finite()).min_by(|a, b| a.fit_percent.total_cmp(&b.fit_percent));
+    let worst = worst.map_or(String::new(), |log| format!("; {} in {}", percent(log.fit_percent), log.log));
+    format!("{} of {} logs{worst}", validation_words(&all), logs.len())
+}
+
+/// A table with a line for each log: samples, how well its signals are predicted, and the values that are its own.
+pub fn each_log(report: &FitReport) -> String {
+    let signals = by_name(&report.validation.signals);
+    let own: Vec<(&String, &Parameter)> = report.parameters.iter().filter(|(_, p)| !p.per_log.is_empty()).collect();
+    let mut logs: Vec<&str> = report.logs.iter().map(|log| log.file.as_str()).collect();
+    // Logs that were held out are predicted and not fitted.
+    for signal in &report.validation.signals {
+        if !logs.contains(&signal.log.as_str()) {
+            logs.push(&signal.log);
+        }
+    }
+    let names =
+        own.iter().map(|(name, p)| if p.unit == "1" { (*name).clone() } else { format!("{name} [{}]", p.unit) });
+    let head = ["log", "samples"].map(str::to_owned).into_iter();
+    let mut rows: Vec<Vec<String>> =
+        vec![head.chain(signals.iter().map(|(name, _)| (*name).to_owned())).chain(names).collect()];
+    for file in logs {
+        let samples =
+            report.logs.iter().find(|log| log.file == file).map_or("-".to_owned(), |log| log.samples.to_string());
+        let fits = signals.iter().map(|(_, logs)| {
+            let log = logs.iter().find(|signal| signal.log == file);
+            log.map_or("-".to_owned(), |signal| percent(signal.fit_percent))
+        });
+        let values = own.iter().map(|(_, parameter)| {
+            let of = |of: &OfLog| format!("{} +-{}", significant(of.value, 4), significant(of.std_error, 2));
+            parameter.per_log.get(file).map_or("-".to_owned(), of)
+        });
+        rows.push([file.to_owned(), samples].into_iter().chain(fits).chain(values).collect());
+    }
+    let mut text = String::from("\n");
+    aligned(&rows, |column| column > 0, &mut text);
+    text
+}
+
+fn percent(value: f64) -> String {
+    if value.is_finite() { format!("{value:.1} %") } else { "-".to_owned() }
+}
+
 fn validation_words(signal: &SignalFit) -> String {
-    let percent = |value: f64| if value.is_finite() { format!("{value:.1} %") } else { "-".to_owned() };
     let unit = if signal.unit == "1" { String::new() } else { format!(" {}", signal.unit) };
     let (ahead, behind) = (percent(signal.fit_percent), percent(signal.fit_percent_training));
     let rmse = significant(signal.rmse, 3);
