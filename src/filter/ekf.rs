@@ -7,6 +7,7 @@
 
 use super::gaussian::{Gaussian, add_scaled, combination, dot};
 use super::innovation::{Gate, Innovation, Verdict};
+use super::two_stage::Beside;
 use multiversion::multiversion;
 use nalgebra::{SMatrix, SVector};
 
@@ -70,11 +71,21 @@ pub fn predict<const N: usize, const K: usize>(
 /// The rows are made independent of each other and then taken one by one, which equals taking them
 /// together and needs no solution of equations. `gate` comes with one counter of rejections in a row per
 /// measurement row; it judges every row by the belief before the update.
-#[multiversion(targets("x86_64+avx+avx2"))]
 pub fn correct<const N: usize, const M: usize>(
     belief: &mut Gaussian<N>,
     rows: &Rows<N, M>,
     gate: Option<(Gate, &mut [u32; M])>,
+) -> Result<Innovation<M>, NotPositiveDefinite> {
+    correct_beside(belief, rows, gate, None)
+}
+
+/// [`correct`] with a constant beside the state, which comes with what it adds to each row, per unit.
+#[multiversion(targets("x86_64+avx+avx2"))]
+pub fn correct_beside<const N: usize, const M: usize>(
+    belief: &mut Gaussian<N>,
+    rows: &Rows<N, M>,
+    gate: Option<(Gate, &mut [u32; M])>,
+    beside: Option<(&mut Beside<N>, [f64; M])>,
 ) -> Result<Innovation<M>, NotPositiveDefinite> {
     let mut outcome = Innovation::none();
     let mut determinant = 1.0;
@@ -97,7 +108,9 @@ pub fn correct<const N: usize, const M: usize>(
     for row in (0..M).filter(|&row| used[row]) {
         outcome.residual[row] = rows.innovation[row];
     }
-    let rows = Independent::of(rows, &used);
+    let adds = beside.as_ref().map_or([0.0; M], |(_, adds)| *adds);
+    let mut aside = beside.as_ref().map(|(beside, _)| **beside);
+    let rows = Independent::of(rows, adds, &used);
     let mut p = belief.covariance;
     let mut change = [0.0; N];
     for row in 0..M {
@@ -113,6 +126,9 @@ pub fn correct<const N: usize, const M: usize>(
         let innovation = rows.innovation[row] - dot(h, &change);
         let deviation = variance.sqrt();
         let whitened = innovation / deviation;
+        if let Some(aside) = &mut aside {
+            aside.take_row(h, rows.adds[row], innovation, variance, &cross);
+        }
         if noise < SHORT_FORM * variance {
             let gain = cross.map(|c| c / variance);
             add_scaled(&mut change, &gain, innovation);
@@ -135,6 +151,9 @@ pub fn correct<const N: usize, const M: usize>(
         return Err(NotPositiveDefinite);
     }
     *belief = Gaussian { mean, covariance: p };
+    if let (Some((beside, _)), Some(aside)) = (beside, aside) {
+        *beside = aside;
+    }
     Ok(outcome.with_determinant(determinant))
 }
 
@@ -163,13 +182,15 @@ fn joseph<const N: usize>(p: &mut SMatrix<f64, N, N>, h: &[f64; N], noise: f64, 
 struct Independent<const N: usize, const M: usize> {
     innovation: [f64; M],
     jacobian: [[f64; N]; M],
+    /// What a constant beside the state adds.
+    adds: [f64; M],
     noise: [f64; M],
 }
 
 impl<const N: usize, const M: usize> Independent<N, M> {
     /// The used rows times `L^-1`, where their noise is `L D L^T`.
     #[inline(always)]
-    fn of(rows: &Rows<N, M>, used: &[bool; M]) -> Self {
+    fn of(rows: &Rows<N, M>, mut adds: [f64; M], used: &[bool; M]) -> Self {
         let mut noise = rows.noise;
         let mut innovation: [f64; M] = rows.innovation.into();
         let mut jacobian: [[f64; N]; M] = std::array::from_fn(|i| std::array::from_fn(|k| rows.jacobian[(i, k)]));
@@ -181,13 +202,14 @@ impl<const N: usize, const M: usize> Independent<N, M> {
                     let known = jacobian[j];
                     add_scaled(&mut jacobian[i], &known, -share);
                     innovation[i] -= share * innovation[j];
+                    adds[i] -= share * adds[j];
                     for k in i..M {
                         noise[(k, i)] -= share * noise[(k, j)];
                     }
                 }
             }
         }
-        Self { innovation, jacobian, noise: std::array::from_fn(|row| noise[(row, row)]) }
+        Self { innovation, jacobian, adds, noise: std::array::from_fn(|row| noise[(row, row)]) }
     }
 }
 

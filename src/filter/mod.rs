@@ -20,6 +20,7 @@ pub mod square_root;
 pub mod srckf;
 pub mod srukf;
 pub mod tree_qr;
+pub mod two_stage;
 pub mod ukf;
 
 /// Whether a number of a stored state is finite and so far from the largest one that sums and squares

@@ -2,6 +2,7 @@
 //! `initial.heading`: a pavement's cross slope, a ramp that lies otherwise than was said.
 
 use super::belief::biases;
+use super::brake::Brake;
 use super::ekf::Noise;
 use super::forms::add_paired_noise;
 use super::held::Held;
@@ -170,6 +171,22 @@ impl ChairMachine {
         if state.may_be_braked {
             let held = self.brake_std();
             self.inflate_force(&mut state.belief, held * held);
+        } else if self.parameters.filter.kind != Kind::AccelerationInput {
+            state.watch.brake = Brake::unknown();
+        }
+    }
+
+    /// Lets a brake of which the state does not know end with the first motion, and go into the state if it was there.
+    pub(super) fn settle_brake(&self, state: &mut State) {
+        let State { belief, watch, command, .. } = state;
+        let driven = watch.brake.is_driven(command[0], self.parameters.initial.force_offset_std);
+        if driven || belief.motion().0.abs() > MOVING {
+            watch.brake.release();
+        }
+        match belief {
+            ChairBelief::Basic(belief) => watch.brake.settle(belief),
+            ChairBelief::Biased(belief) => watch.brake.settle(belief),
+            ChairBelief::Gravity(belief) => watch.brake.settle(belief),
         }
     }
 
@@ -250,11 +267,13 @@ impl ChairMachine {
     }
 
     /// Whether a bias of the forward and of the leftward accelerometer has been found where none is expected.
-    fn improbable_biases(&self, belief: &ChairBelief) -> [bool; 2] {
-        let ChairBelief::Biased(gaussian) = belief else { return [false; 2] };
-        let (std, found) = (self.accel_bias_std(), self.found_biases(belief));
+    fn improbable_biases(&self, state: &State) -> [bool; 2] {
+        let ChairBelief::Biased(gaussian) = &state.belief else { return [false; 2] };
+        let (std, found) = (self.accel_bias_std(), self.found_biases(&state.belief));
         std::array::from_fn(|k| {
-            found[k].abs() > IMPROBABLE * std && gaussian.std(model::GYRO_BIAS + 1 + k) < KNOWN * std
+            let bias = model::GYRO_BIAS + 1 + k;
+            let known = gaussian.covariance[(bias, bias)] + state.watch.brake.variance_of(bias);
+            found[k].abs() > IMPROBABLE * std && known < KNOWN * std * KNOWN * std
         })
     }
 
@@ -263,7 +282,7 @@ impl ChairMachine {
         if matches!(state.belief, ChairBelief::Gravity(_)) || self.parameters.filter.model == Model::Paper {
             return;
         }
-        let [forward, leftward] = self.improbable_biases(&state.belief);
+        let [forward, leftward] = self.improbable_biases(state);
         let drifting = match &state.belief {
             ChairBelief::Biased(belief) => {
                 let bias = model::GYRO_BIAS + 2;
@@ -275,8 +294,12 @@ impl ChairMachine {
             return;
         }
         let (alpha, mut belief) = match &state.belief {
-            ChairBelief::Basic(belief) => (belief.mean[model::ALPHA], as_gravity(belief)),
-            ChairBelief::Biased(belief) => (belief.mean[model::ALPHA], as_gravity(belief)),
+            ChairBelief::Basic(belief) => {
+                (belief.mean[model::ALPHA], as_gravity(&state.watch.brake.with_unknown(belief)))
+            }
+            ChairBelief::Biased(belief) => {
+                (belief.mean[model::ALPHA], as_gravity(&state.watch.brake.with_unknown(belief)))
+            }
             ChairBelief::Gravity(_) => return,
         };
         let pitch_too = forward || alpha.cos().abs() > ACROSS_ONLY || state.watch.gyro_contradicts();

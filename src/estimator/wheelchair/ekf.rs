@@ -3,6 +3,7 @@
 //! [`ChairEkf`] joins the model's forms ([`Form`]) with the extended Kalman filter and is what the
 //! reference runs check; [`Wheelchair`](super::Wheelchair) puts inputs, standstill and outputs around it.
 
+use super::brake::Brake;
 use super::outliers::{ACCEL_X, downweight};
 use super::vibration::{LARGEST, LARGEST_DRIVEN};
 use super::watch::{LEFT, Watch};
@@ -107,6 +108,9 @@ pub trait Form<const N: usize, const K: usize, const P: usize> {
         speed: f64,
         dt: f64,
     );
+    /// What a brake that holds a tilt adds to the rates of the states, and to the forward and leftward accelerometer, per rad
+    /// of tilt; none where the force's errors are no states.
+    fn held_by_brake(&self, chair: &Chair, x: &SVector<f64, N>) -> Option<(SVector<f64, K>, [f64; 2])>;
     /// `y = h(x, u)`.
     fn observe(&self, chair: &Chair, x: &SVector<f64, N>, drive: &Drive) -> Expected<N>;
 }
@@ -177,6 +181,19 @@ impl<F> ChairEkf<F> {
     ) where
         F: Form<N, K, P>,
     {
+        self.predict_watched(belief, &mut Brake::default(), dt, drive);
+    }
+
+    /// [`predict`](Self::predict) with a brake that may hold the chair.
+    pub(super) fn predict_watched<const N: usize, const K: usize, const P: usize>(
+        &self,
+        belief: &mut Gaussian<N>,
+        brake: &mut Brake,
+        dt: f64,
+        drive: &Drive,
+    ) where
+        F: Form<N, K, P>,
+    {
         let steps = substeps(dt, self.limits.substep);
         let h = dt / steps as f64;
         // An acceleration measured once and held over dt is white noise of this density.
@@ -186,7 +203,17 @@ impl<F> ChairEkf<F> {
         for _ in 0..steps {
             let (rate, jacobian) = self.form.linearise(&self.chair, &belief.mean, drive);
             let mean = runge_kutta_from(&belief.mean, &rate, h, |x| self.form.derivative(&self.chair, x, drive));
-            ekf::predict(belief, mean, &transition(&jacobian, h));
+            let transition = transition(&jacobian, h);
+            if brake.is_unknown() {
+                // The mean over the step of what comes in and then moves.
+                let adds = self.held(&belief.mean, brake, drive).map_or_else(SVector::zeros, |(rates, _)| {
+                    (transition.fixed_columns::<K>(0) * rates + rates) * (0.5 * h)
+                });
+                let mut beside = brake.beside();
+                beside.predict(&transition, &adds);
+                brake.keep(&beside);
+            }
+            ekf::predict(belief, mean, &transition);
             self.form.add_process_noise(belief, &self.chair, drive, &self.noise, density, h);
         }
     }
@@ -220,7 +247,8 @@ impl<F> ChairEkf<F> {
     where
         F: Form<N, K, P>,
     {
-        self.correct_rows(belief, counters, &mut self.rows(belief, sample, drive), drive)
+        let mut brake = Brake::default();
+        self.correct_rows(belief, counters, &mut brake, &mut self.rows(belief, sample, drive), drive)
     }
 
     /// [`correct`](Self::correct) by a sample that came `dt` seconds after the last one, with a watch over what the filter
@@ -246,7 +274,7 @@ impl<F> ChairEkf<F> {
                 && self.gate.deviations <= 0.0;
             rows.used[LEFT] &= !contradicted;
         }
-        let mut done = self.correct_rows(belief, counters, &mut rows, drive)?;
+        let mut done = self.correct_rows(belief, counters, &mut watch.brake, &mut rows, drive)?;
         done.sensors.rejected[LEFT] |= contradicted;
         Ok(done)
     }
@@ -255,6 +283,7 @@ impl<F> ChairEkf<F> {
         &self,
         belief: &mut Gaussian<N>,
         counters: &mut [u32; 6],
+        brake: &mut Brake,
         rows: &mut Rows<N, 6>,
         drive: &Drive,
     ) -> Result<Correction, NotPositiveDefinite>
@@ -266,8 +295,14 @@ impl<F> ChairEkf<F> {
         let impact =
             if robust { downweight(self.limits.outlier_threshold, belief, rows, &mut counters[ACCEL_X]) } else { 0.0 };
         let before = if drive.still { Some(*belief) } else { None };
-        let sensors = ekf::correct(belief, rows, Some((self.gate, counters)))?;
+        let felt = self.held(&belief.mean, brake, drive).map_or([0.0; 2], |(_, felt)| felt);
+        let mut beside = brake.is_unknown().then(|| brake.beside());
+        let sensors = {
+            let beside = beside.as_mut().map(|beside| (beside, [0.0, 0.0, 0.0, felt[0], felt[1], 0.0]));
+            ekf::correct_beside(belief, rows, Some((self.gate, counters)), beside)?
+        };
         let Some(before) = before else {
+            beside.inspect(|beside| brake.keep(beside));
             return Ok(Correction { nis: sensors.nis + impact, dof: sensors.dof, sensors });
         };
         // Independent of the sensors' noise and linear: updating in turn equals stacking the rows.
@@ -282,8 +317,23 @@ impl<F> ChairEkf<F> {
             at_rest.innovation[row] = -belief.mean[state];
             at_rest.jacobian[(row, state)] = 1.0;
         }
-        let rest = ekf::correct(belief, &at_rest, None).inspect_err(|_| *belief = before)?;
+        let rest = ekf::correct_beside(belief, &at_rest, None, beside.as_mut().map(|beside| (beside, [0.0; P])))
+            .inspect_err(|_| *belief = before)?;
+        beside.inspect(|beside| brake.keep(beside));
         Ok(Correction { nis: rest.nis + sensors.nis + impact, dof: sensors.dof + rest.dof, sensors })
+    }
+
+    /// [`Form::held_by_brake`] while a brake may hold the chair and the filter does not know that it stands.
+    fn held<const N: usize, const K: usize, const P: usize>(
+        &self,
+        x: &SVector<f64, N>,
+        brake: &Brake,
+        drive: &Drive,
+    ) -> Option<(SVector<f64, K>, [f64; 2])>
+    where
+        F: Form<N, K, P>,
+    {
+        if brake.holds() && !drive.still { self.form.held_by_brake(&self.chair, x) } else { None }
     }
 
     /// After a gap that the model cannot bridge: speeds and tilt rates are unknown, distance, heading and tilt have

@@ -4,7 +4,7 @@ use super::ekf::{Drive, Expected, Form, Noise};
 use crate::filter::discretise::white_rate_noise;
 use crate::filter::gaussian::Gaussian;
 use crate::model::wheelchair::{self as model, Chair, biased_gravity, gravity};
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// Six states: [`model::State`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,6 +98,24 @@ fn add_tipping_noise<const N: usize>(
     mixed(v, rate, gain * c);
 }
 
+/// `v'` and `r'` per rad of tilt, of which these are the shares along and across the heading, by what holds a chair against
+/// gravity.
+fn against_gravity(chair: &Chair, [along, across]: [f64; 2]) -> [f64; 2] {
+    let weight = chair.body.mass * chair.gravity;
+    [weight * along / chair.inertial_mass(), weight * chair.body.com_ahead * across / chair.inertia_at_axle()]
+}
+
+/// What holding a chair against gravity at a heading adds to the rates of the first five states and to the forward and leftward
+/// accelerometer, per rad of tilt.
+fn held_at(chair: &Chair, heading: f64) -> (SVector<f64, 5>, [f64; 2]) {
+    let (sa, ca) = heading.sin_cos();
+    let [v_dot, r_dot] = against_gravity(chair, [sa, ca]);
+    let mut rates = SVector::<f64, 5>::zeros();
+    (rates[model::V], rates[model::R]) = (v_dot, r_dot);
+    let [dx, dy, _] = chair.lever();
+    (rates, [v_dot - dy * r_dot, dx * r_dot])
+}
+
 fn outer(lever: Vector3<f64>) -> Matrix3<f64> {
     lever * lever.transpose()
 }
@@ -119,6 +137,9 @@ impl Form<6, 5, 3> for Basic {
     }
     fn add_process_noise(&self, belief: &mut Gaussian<6>, _: &Chair, _: &Drive, noise: &Noise, speed: f64, dt: f64) {
         add_paired_noise(&mut belief.covariance, dt, chair_pairs(noise, speed));
+    }
+    fn held_by_brake(&self, chair: &Chair, x: &model::State) -> Option<(SVector<f64, 5>, [f64; 2])> {
+        Some(held_at(chair, x[model::ALPHA]))
     }
     fn observe(&self, chair: &Chair, x: &model::State, drive: &Drive) -> Expected<6> {
         let seen = model::observe(chair, x, &drive.command, drive.still);
@@ -179,6 +200,9 @@ impl Form<13, 5, 3> for Biased {
             add_tipping_noise(covariance, dt, noise.slope_rate, -lever, states);
         }
     }
+    fn held_by_brake(&self, chair: &Chair, x: &model::BiasedState) -> Option<(SVector<f64, 5>, [f64; 2])> {
+        (self.mover == Mover::Force).then(|| held_at(chair, x[model::ALPHA]))
+    }
     fn observe(&self, chair: &Chair, x: &model::BiasedState, drive: &Drive) -> Expected<13> {
         let seen = model::biased_observe(chair, x, &drive.command, drive.still);
         Expected { output: seen.output, jacobian: seen.jacobian, tilt_noise: outer(seen.tilt_lever) }
@@ -238,6 +262,13 @@ impl Form<15, 6, 4> for GravityVector {
             let [pitching, _] = gravity::tilt_levers(chair);
             add_tipping_noise(covariance, dt, noise.slope_rate, -pitching[0], [S, V, GX, WP]);
         }
+    }
+    /// Along the heading only: the moment's error is a state.
+    fn held_by_brake(&self, chair: &Chair, _: &biased_gravity::State) -> Option<(SVector<f64, 6>, [f64; 2])> {
+        let [v_dot, _] = against_gravity(chair, [1.0, 0.0]);
+        let mut rates = SVector::<f64, 6>::zeros();
+        rates[gravity::V] = v_dot;
+        (self.mover == Mover::Force).then_some((rates, [v_dot, 0.0]))
     }
     fn observe(&self, chair: &Chair, x: &biased_gravity::State, drive: &Drive) -> Expected<15> {
         let (output, jacobian) = biased_gravity::observe(chair, x, &drive.command, drive.still);

@@ -48,16 +48,18 @@ impl ChairMachine {
         match &state.belief {
             ChairBelief::Basic(belief) => {
                 let mean = self.basic.carry_forward(&belief.mean, horizon, &drive);
-                self.report_chair(&mean, belief, state, outputs);
+                self.report_chair(&mean, &state.watch.brake.with_unknown(belief), state, outputs);
             }
             ChairBelief::Biased(belief) => {
                 let mean = self.biased.carry_forward(&belief.mean, horizon, &drive);
+                let belief = &state.watch.brake.with_unknown(belief);
                 self.report_chair(&mean, belief, state, outputs);
                 report_biases(&mean, belief, [model::GYRO_BIAS, model::FORCE_GAIN], outputs);
                 outputs.heading_offset = estimate(&mean, belief, model::HEADING_OFFSET);
             }
             ChairBelief::Gravity(belief) => {
                 let mean = self.gravity.carry_forward(&belief.mean, horizon, &drive);
+                let belief = &state.watch.brake.with_unknown(belief);
                 report_gravity(&mean, belief, outputs);
                 outputs.moment_offset = estimate(&mean, belief, biased_gravity::MOMENT_OFFSET);
                 outputs.heading_from_gravity = true;

@@ -6,6 +6,7 @@
 //! followed here by filters of one state each, which wait the longer the noisier the sensor is. The source has
 //! nothing of the kind.
 
+use super::brake::Brake;
 use super::held::Held;
 use super::outliers::ACCEL_X;
 use super::vibration::Vibration;
@@ -82,6 +83,8 @@ pub struct Watch {
     pub vibration: Vibration,
     /// Moment with which the chair is held without a report.
     pub held: Held,
+    /// A brake that may have held the chair at the start.
+    pub brake: Brake,
     /// Tilt of the ground along the contour line, rad.
     across: Mean,
     /// Innovations of gyro and heading over their standard deviations.

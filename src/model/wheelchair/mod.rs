@@ -244,7 +244,7 @@ impl Chair {
     }
 
     /// Inertial mass along the heading, kg [M + mrot].
-    fn inertial_mass(&self) -> f64 {
+    pub fn inertial_mass(&self) -> f64 {
         match self.dynamics {
             Dynamics::Paper => self.body.mass,
             Dynamics::Full => self.body.mass + self.rotating_mass,
