@@ -162,7 +162,10 @@ fn cobbles_cost_the_default_kind_five_milliradians_at_most() {
 #[test]
 fn no_vibration_makes_an_estimate_wrong_and_healthy() {
     for kind in KINDS {
-        for (shaken, colour) in [(0.2, 0.5), (1.0, 0.0), (1.0, 0.5), (1.0, 0.7), (2.0, 0.0)] {
+        for (shaken, colour) in [(0.2, 0.5), (1.0, 0.0), (1.0, 0.5), (1.0, 0.7), (2.0, 0.0), (2.0, 0.5), (2.0, 0.7)] {
+            if kind == Kind::AccelerationInput && shaken > 1.0 && colour > 0.5 {
+                continue; // the kind's limit
+            }
             for s in runs_of(8, &cobbles(shaken, colour), FRAC_PI_2, kind, 0.0, 30.0) {
                 let sure = [s.slope, s.pitch, s.speed].map(|score| score.wrong_and_sure);
                 // Colour shows after a while only.
@@ -212,6 +215,7 @@ fn table_of_errors_and_of_what_is_healthy_and_beyond_three_deviations() {
         ("ramp, shaken by 0.2 m/s2", cobbles(0.2, 0.0), FRAC_PI_2),
         ("ramp, shaken by 1 m/s2", cobbles(1.0, 0.0), FRAC_PI_2),
         ("the same, coloured", cobbles(1.0, 0.7), FRAC_PI_2),
+        ("ramp, shaken by 2 m/s2, coloured", cobbles(2.0, 0.5), FRAC_PI_2),
     ];
     for (ground, setup, heading) in rides {
         print!("| {ground} |");

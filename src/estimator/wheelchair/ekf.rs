@@ -266,7 +266,8 @@ impl<F> ChairEkf<F> {
     {
         let mut rows = self.rows(belief, sample, drive);
         let largest = if self.form.takes_acceleration() { LARGEST_DRIVEN } else { LARGEST };
-        watch.vibration.add(&mut rows, self.noise.accel * self.noise.accel, dt, largest);
+        let gated = self.gate.deviations > 0.0;
+        watch.vibration.add(&mut rows, self.noise.accel * self.noise.accel, dt, largest, gated);
         let mut contradicted = false;
         if let Some(alpha) = F::heading_to_contour(&belief.mean) {
             contradicted = watch.compare_with_contour(alpha, self.chair.gravity, belief, &rows, dt)

@@ -51,24 +51,26 @@
 //! | ramp, 4 degrees | 0.8 0.8, 100 100 0.0 | 1.0 1.0, 100 100 0.0 | 2.9 2.9, 100 100 0.0 | 1.0 2.3, 100 100 0.0 |
 //! | the same at 60 degrees | 1.0 1.1, 100 100 0.0 | 1.1 1.3, 100 100 0.0 | 1.2 1.4, 100 100 0.1 | 1.0 3.1, 100 100 0.0 |
 //! | the same, moment not reported | 1.0 1.1, 100 100 0.0 | 2.0 2.3, 100 100 0.0 | 3.0 3.5, 97 100 0.1 | 1.0 3.2, 100 100 0.0 |
-//! | ramp, `initial.heading` 0 | 6.9 87.5, 99 90 0.1 | 7.4 85.8, 99 90 0.0 | 10.3 84.5, 99 90 0.2 | 1.0 2.3, 100 100 0.0 |
+//! | ramp, `initial.heading` 0 | 6.9 87.5, 99 90 0.1 | 7.4 85.9, 99 90 0.0 | 9.7 84.8, 99 90 0.2 | 1.0 2.3, 100 100 0.0 |
 //! | starts braked on 1 degree | 3.3 3.1, 100 100 0.9 | 5.6 5.5, 100 100 0.1 | 12.4 12.4, 91 100 0.0 | 5.6 4.7, 100 100 0.0 |
-//! | starts braked on 2 degrees | 6.5 6.3, 99 94 0.7 | 8.1 7.9, 100 100 0.4 | 11.6 11.6, 100 100 0.1 | 8.1 7.5, 100 99 0.0 |
-//! | starts braked on the ramp | 12.9 12.7, 98 84 0.5 | 8.6 8.4, 100 100 0.0 | 10.0 9.9, 100 100 0.0 | 8.4 8.1, 100 100 0.0 |
-//! | the same at 60 degrees | 7.5 8.7, 100 84 0.2 | 4.3 5.0, 98 100 0.0 | 2.8 3.2, 100 100 0.5 | 7.1 9.6, 99 100 0.0 |
-//! | the same at 0 degrees | 0.1 3.5, 97 100 0.4 | 0.1 3.6, 100 100 0.0 | 0.1 3.6, 100 100 0.7 | 1.0 11.1, 100 100 0.0 |
+//! | starts braked on 2 degrees | 6.5 6.3, 99 94 0.7 | 7.1 6.9, 100 100 0.4 | 11.6 11.6, 100 100 0.1 | 7.1 6.5, 100 99 0.0 |
+//! | starts braked on the ramp | 12.9 12.7, 98 84 0.5 | 7.4 7.2, 100 100 0.0 | 10.0 9.9, 100 100 0.0 | 7.2 6.9, 100 100 0.0 |
+//! | the same at 60 degrees | 7.5 8.7, 100 84 0.2 | 4.0 4.7, 99 100 0.0 | 2.8 3.2, 100 100 0.5 | 6.4 8.9, 100 100 0.0 |
+//! | the same at 0 degrees | 0.1 3.5, 97 100 0.4 | 0.1 3.6, 100 100 0.0 | 0.1 3.6, 100 100 0.7 | 1.0 11.0, 100 100 0.0 |
 //! | cross slope, 2 degrees | 0.6 8.2, 100 95 0.1 | 1.1 8.6, 100 95 0.0 | 4.0 8.2, 100 95 0.0 | 1.1 4.0, 100 100 0.0 |
 //! | the same, moment not reported | 0.6 8.1, 100 95 0.0 | 1.1 8.5, 100 95 0.0 | 3.9 8.1, 100 95 0.0 | 1.1 4.1, 100 100 0.0 |
 //! | circles on it | 0.7 8.1, 100 95 0.1 | 1.3 8.1, 100 95 0.0 | 3.9 8.0, 100 95 0.0 | 1.2 3.4, 100 100 0.0 |
-//! | ramp, shaken by 0.2 m/s2 | 0.6 0.6, 100 100 0.0 | 2.0 2.0, 100 100 0.0 | 3.7 3.7, 100 100 0.4 | 2.0 4.3, 100 100 0.0 |
-//! | ramp, shaken by 1 m/s2 | 0.6 0.6, 100 100 0.0 | 3.7 3.6, 100 100 0.0 | 5.3 5.3, 100 100 0.3 | 3.6 9.8, 100 89 0.4 |
-//! | the same, coloured | 0.6 0.6, 100 100 0.0 | 6.1 6.1, 99 99 0.0 | 9.6 9.6, 100 100 0.7 | 6.0 14.2, 99 89 0.9 |
+//! | ramp, shaken by 0.2 m/s2 | 0.6 0.6, 100 100 0.0 | 1.9 1.9, 100 100 0.0 | 3.8 3.7, 100 100 0.4 | 1.9 4.3, 100 100 0.1 |
+//! | ramp, shaken by 1 m/s2 | 0.6 0.6, 100 100 0.0 | 3.1 3.1, 100 100 0.0 | 5.4 5.4, 100 100 0.3 | 3.1 9.1, 100 88 0.4 |
+//! | the same, coloured | 0.6 0.6, 100 100 0.0 | 4.6 4.6, 100 100 0.0 | 9.6 9.6, 100 100 0.7 | 4.6 12.4, 99 89 0.6 |
+//! | ramp, shaken by 2 m/s2, coloured | 0.6 0.6, 100 100 0.0 | 3.7 3.7, 100 100 0.0 | 11.3 11.3, 100 100 0.3 | 3.7 10.4, 100 87 0.1 |
 //!
 //! On a cross slope a second and a half of the ride is flagged; on a ramp of which the heading was said to be 0 the slope is
-//! wrong by a radian for as long. Coloured vibration of 1 m/s2 (0.7 of it left after 10 ms) costs 6 mrad with `bias`, and 10
-//! with `acceleration_input`. Of twenty other runs the worst is wrong and healthy for 8 % of the ride with `bias` and
-//! `gravity_vector`, for 3 % with `acceleration_input` (mean 0.7 % at most). Coloured vibration of 2 m/s2 (0.5 left) is beyond what is
-//! recognised: one of twenty runs is wrong and healthy for three quarters of the ride with `bias` and `gravity_vector`.
+//! wrong by a radian for as long. Of 24 other runs on each of six vibrations of 0.2 to 2 m/s2, of which up to 0.7 is left after
+//! 10 ms, the worst is wrong and healthy for 0.0 % of the ride with `bias`, for 1.1 % with `gravity_vector`, and for 2.6 % with
+//! `acceleration_input`, to which coloured vibration costs most: 13 mrad at 1 m/s2 with 0.7 left, 20 at 2. If 0.85 of it is left, vibration is
+//! beyond what is recognised: at 1 m/s2 the worst of 24 is wrong and healthy for 4 % with `bias` and `gravity_vector` and for 26 % with
+//! `acceleration_input` (means of 0.2, 0.9 and 2.7 %).
 //!
 //! # What cannot be observed
 //! On flat ground nothing measured gives the heading relative to the contour line: it rests on the initial heading and the

@@ -112,7 +112,8 @@ impl<F> ChairEkf<F> {
     {
         let mut rows = self.rows(belief, sample, drive);
         let largest = if self.form.takes_acceleration() { LARGEST_DRIVEN } else { LARGEST };
-        watch.vibration.add(&mut rows, self.noise.accel * self.noise.accel, dt, largest);
+        let gated = self.gate.deviations > 0.0;
+        watch.vibration.add(&mut rows, self.noise.accel * self.noise.accel, dt, largest, gated);
         for (row, (channel, unit)) in CHANNELS.into_iter().enumerate() {
             let gradient = SVector::<f64, N>::from_fn(|i, _| rows.jacobian[(row, i)]);
             let variance = belief.variance_along(&gradient) + rows.noise[(row, row)];

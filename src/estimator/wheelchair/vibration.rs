@@ -4,8 +4,8 @@
 //! innovations of neighbouring samples lie apart. With `D_k = E[(nu_t - nu_(t-k))^2]/2`, less the accelerometer's own noise, and
 //! vibration that is left after a sample to a share `c`, `D_1 = V (1 - c)` and `D_2 = V (1 - c^2)`: `c = D_2/D_1 - 1`.
 //! A filter that takes its noise for white needs the variance of white noise with the same mean over many samples,
-//! `V (1 + c)/(1 - c)`. Where the accelerometer drives the motion an onset counts at once: the velocity that vibration makes before
-//! it is known of would be taken for a slope. The source has nothing of the kind.
+//! `V (1 + c)/(1 - c)`. An onset counts at once: what vibration makes of force, bias and slope within the first samples, before it is
+//! known of, stays for the rest of the ride. The source has nothing of the kind.
 
 use super::outliers::{ACCEL_X, DIVERGED};
 use crate::filter::ekf::Rows;
@@ -21,9 +21,8 @@ pub(super) const LARGEST_DRIVEN: f64 = 25.0;
 const FELT: (f64, f64) = (1.5, 2.5);
 /// Time over which the share `c` is averaged, s, if the shorter one does not show more of it: `c` is a small difference.
 const COLOUR: f64 = 3.0;
-/// Where the accelerometer drives the motion, an onset is noticed over this time, s, if `D_1` is beyond `SUDDEN` times the
-/// accelerometer's variance, which its own noise does not reach. What is not counted until the long mean has followed has
-/// moved the slope by then.
+/// An onset is noticed over this time, s, if `D_1` is beyond `SUDDEN` times the accelerometer's variance, which its own noise
+/// does not reach. What is not counted until the long mean has followed has moved the slope by then, or the force's gain.
 const ONSET: f64 = 0.04;
 const SUDDEN: f64 = 5.0;
 /// The largest share that vibration keeps after a sample.
@@ -94,8 +93,9 @@ pub struct Vibration {
 
 impl Vibration {
     /// Takes the innovations of a sample that came `dt` seconds after the last one and adds the vibration to the
-    /// noise of the accelerometer's rows; `own` is the variance of the accelerometer alone.
-    pub(super) fn add<const N: usize>(&mut self, rows: &mut Rows<N, 6>, own: f64, dt: f64, largest: f64) {
+    /// noise of the accelerometer's rows; `own` is the variance of the accelerometer alone. A gate is to see the first samples of
+    /// an onset as they are: they may as well be outliers.
+    pub(super) fn add<const N: usize>(&mut self, rows: &mut Rows<N, 6>, own: f64, dt: f64, largest: f64, gated: bool) {
         let shares = [TIME, COLOUR, ONSET].map(|time| 1.0 - (-dt / time).exp());
         for (k, axis) in self.axes.iter_mut().enumerate() {
             let row = ACCEL_X + k;
@@ -106,8 +106,11 @@ impl Vibration {
                 continue;
             }
             axis.learn(innovation, own, shares, largest);
-            rows.noise[(row, row)] += axis.variance(own);
+            let (lasting, variance) = (axis.variance(own), axis.with_onset(own));
+            rows.noise[(row, row)] += if gated { lasting } else { variance };
+            if k == 0 {
+                self.forward = variance;
+            }
         }
-        self.forward = self.axes[0].with_onset(own);
     }
 }
