@@ -152,16 +152,58 @@ const CHUNK: usize = 2048;
 /// Windows that overlap.
 pub const OVERLAP: usize = 12;
 
-/// Appends one row per window, computed in parallel and kept in order; each log counts its own clusters.
+/// Windows that are worked out together: enough of them that hardly a sample is looked at more than once.
+const PART: usize = 128;
+
+/// What the rows of an equation are integrals of, sample by sample: windows overlap, and sines are dear.
+struct Terms<const N: usize> {
+    first: usize,
+    samples: Vec<[f64; N]>,
+}
+
+impl<const N: usize> Terms<N> {
+    /// `int psi^(order) x dt` of one term over the window that starts at a sample.
+    fn integral(&self, psi: &ModulatingFunction, order: usize, start: usize, term: usize) -> f64 {
+        psi.integral(order, start, |i| self.samples[i - self.first][term])
+    }
+
+    /// The same of all terms.
+    fn integrals(&self, psi: &ModulatingFunction, order: usize, start: usize) -> [f64; N] {
+        // An empty sum is -0.
+        let mut sums = [-0.0; N];
+        for (weight, terms) in psi.weights[order].iter().zip(&self.samples[start - self.first..]) {
+            sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += weight * term);
+        }
+        sums
+    }
+}
+
+/// Something of each window, given by its first sample, from the terms of its samples; in parallel and kept in order.
+fn each<const N: usize, T: Send>(
+    windows: &Windows,
+    starts: &[usize],
+    terms: impl Fn(usize) -> [f64; N] + Sync,
+    of: impl Fn(&Terms<N>, usize) -> T + Sync,
+) -> Vec<T> {
+    let part = |starts: &[usize]| -> Vec<T> {
+        let (Some(&first), Some(&last)) = (starts.first(), starts.last()) else { return Vec::new() };
+        let samples = (first..last + windows.psi.len()).map(&terms).collect();
+        let terms = Terms { first, samples };
+        starts.iter().map(|&at| of(&terms, at)).collect()
+    };
+    starts.par_chunks(PART).flat_map_iter(part).collect()
+}
+
+/// Appends one row per window, in order; each log counts its own clusters.
 /// `neglected` times [`Windows::turning`] is what the right-hand sides hold beyond the planar equations.
-fn fill(rows: &mut Rows, windows: &Windows, neglected: f64, row: impl Fn(usize) -> JointRow + Send + Sync) {
+fn fill(rows: &mut Rows, windows: &Windows, neglected: f64, of: impl Fn(&[usize]) -> Vec<JointRow>) {
     let first_cluster = rows.cluster.last().map_or(0, |last| last + 1);
     let before = rows.len();
     let starts: Vec<usize> = windows.starts().collect();
     for (index, some) in starts.chunks(CHUNK).enumerate() {
         windows.progress.reach((index * CHUNK) as f64 / starts.len() as f64);
-        let made: Vec<_> = some.par_iter().map(|&at| (row(at), neglected * windows.turning(at))).collect();
-        for ((a, y), neglected) in made {
+        let turning: Vec<f64> = some.par_iter().map(|&at| neglected * windows.turning(at)).collect();
+        for ((a, y), neglected) in of(some).into_iter().zip(turning) {
             let cluster = first_cluster + ((rows.len() - before) / windows.cluster) as u32;
             rows.guessed |= windows.signals.roll.is_empty();
             if rows.push(&a, y, cluster) {
@@ -174,45 +216,53 @@ fn fill(rows: &mut Rows, windows: &Windows, neglected: f64, row: impl Fn(usize) 
 /// One row of `[k, c, k phi_0]` and its right-hand side, N.m.s, of the window that starts at a sample.
 pub type JointRow = (Vec<f64>, f64);
 
-/// The pitch row of a window.
-pub fn pitch_row(windows: &Windows, body: &Body, at: usize) -> JointRow {
-    let s = windows.signals;
+/// The pitch rows of the windows that start at these samples.
+pub fn pitch_rows(windows: &Windows, body: &Body, starts: &[usize]) -> Vec<JointRow> {
+    let (s, psi) = (windows.signals, windows.psi);
     let Body { b, j, .. } = *body;
-    let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
-    let phi = |i: usize| s.pitch[i];
-    let row = vec![int(0, &phi), -int(1, &phi), -int(0, &|_| 1.0)];
-    let inertia = j * int(2, &phi) - b * int(1, &|i| s.speed[i] * phi(i).cos());
-    let coupling = b * int(0, &|i| s.speed[i] * phi(i).sin() * s.pitch_rate[i] - GRAVITY * phi(i).sin());
-    let turning = j * int(0, &|i| s.yaw_rate[i].powi(2) * phi(i).sin() * phi(i).cos());
-    (row, -(inertia + coupling - turning))
+    let terms = |i: usize| {
+        let (v, w, phi) = (s.speed[i], s.yaw_rate[i], s.pitch[i]);
+        let (sin, cos) = (phi.sin(), phi.cos());
+        [phi, 1.0, v * sin * s.pitch_rate[i] - GRAVITY * sin, w.powi(2) * sin * cos, v * cos]
+    };
+    each(windows, starts, terms, |terms, at| {
+        let [angle, one, coupling, turning, _] = terms.integrals(psi, 0, at);
+        let row = vec![angle, -terms.integral(psi, 1, at, 0), -one];
+        let inertia = j * terms.integral(psi, 2, at, 0) - b * terms.integral(psi, 1, at, 4);
+        (row, -(inertia + b * coupling - j * turning))
+    })
 }
 
-/// The roll row of a window. Without a pitch channel the body counts as upright.
-pub fn roll_row(windows: &Windows, body: &Body, at: usize) -> JointRow {
-    let s = windows.signals;
+/// The roll rows of the windows that start at these samples. Without a pitch channel the body counts as upright.
+pub fn roll_rows(windows: &Windows, body: &Body, starts: &[usize]) -> Vec<JointRow> {
+    let (s, psi) = (windows.signals, windows.psi);
     let Body { b, j, .. } = *body;
-    let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
-    let roll = |i: usize| s.roll[i];
-    let row = vec![int(0, &roll), -int(1, &roll), -int(0, &|_| 1.0)];
-    let inertia = j * int(2, &roll) + j * int(1, &|i| s.yaw_rate[i] * s.pitch_at(i).sin());
-    let coupling = int(0, &|i| {
-        let (w, pitch, roll) = (s.yaw_rate[i], s.pitch_at(i), roll(i));
-        j * w * s.pitch_rate[i] * pitch.cos() * (1.0 - 2.0 * roll.cos().powi(2))
-            - j * w * w * roll.sin() * roll.cos() * pitch.cos().powi(2)
-            - b * w * s.speed[i] * roll.cos()
-            - b * GRAVITY * roll.sin() * pitch.cos()
-    });
-    (row, -(inertia + coupling))
+    let terms = |i: usize| {
+        let (w, pitch, roll) = (s.yaw_rate[i], s.pitch_at(i), s.roll[i]);
+        let (sin, cos) = (roll.sin(), roll.cos());
+        let upright = pitch.cos();
+        let coupling = j * w * s.pitch_rate[i] * upright * (1.0 - 2.0 * cos.powi(2))
+            - j * w * w * sin * cos * upright.powi(2)
+            - b * w * s.speed[i] * cos
+            - b * GRAVITY * sin * upright;
+        [roll, 1.0, coupling, w * pitch.sin()]
+    };
+    each(windows, starts, terms, |terms, at| {
+        let [angle, one, coupling, _] = terms.integrals(psi, 0, at);
+        let row = vec![angle, -terms.integral(psi, 1, at, 0), -one];
+        let inertia = j * terms.integral(psi, 2, at, 0) + j * terms.integral(psi, 1, at, 3);
+        (row, -(inertia + coupling))
+    })
 }
 
 /// Appends the pitch rows of all windows.
 pub fn pitch(rows: &mut Rows, windows: &Windows, body: &Body) {
-    fill(rows, windows, body.j, |at| pitch_row(windows, body, at));
+    fill(rows, windows, body.j, |starts| pitch_rows(windows, body, starts));
 }
 
 /// Appends the roll rows of all windows.
 pub fn roll(rows: &mut Rows, windows: &Windows, body: &Body) {
-    fill(rows, windows, 0.0, |at| roll_row(windows, body, at));
+    fill(rows, windows, 0.0, |starts| roll_rows(windows, body, starts));
 }
 
 /// The integrals that the longitudinal rows are made of.
@@ -234,26 +284,43 @@ pub struct Longitudinal {
     pub one: f64,
 }
 
-/// The integrals of the window that starts at a sample; that of the drag only where there is `drag`, else 0.
-pub fn longitudinal(windows: &Windows, body: &Body, accelerometer: bool, drag: bool, at: usize) -> Longitudinal {
-    let s = windows.signals;
-    let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
-    let speed_rate = -int(1, &|i| s.speed[i]);
-    let sway = if s.pitch.is_empty() || body.lever == 0.0 {
-        0.0
-    } else {
-        let sin = |i: usize| s.pitch[i].sin();
-        body.lever * (int(2, &sin) - int(0, &|i| s.yaw_rate[i].powi(2) * sin(i)))
+/// The integrals of the windows that start at these samples; that of the drag only where there is `drag`, else 0.
+pub fn longitudinal(
+    windows: &Windows,
+    body: &Body,
+    accelerometer: bool,
+    drag: bool,
+    starts: &[usize],
+) -> Vec<Longitudinal> {
+    let (s, psi) = (windows.signals, windows.psi);
+    let sways = !s.pitch.is_empty() && body.lever != 0.0;
+    let terms = |i: usize| {
+        let v = s.speed[i];
+        let sin = if sways { s.pitch[i].sin() } else { 0.0 };
+        [
+            s.force[i],
+            if accelerometer { s.accel[i] } else { 0.0 },
+            s.yaw_rate[i].powi(2) * sin,
+            (v / body.smoothing_speed).tanh(),
+            v * v.abs(),
+            1.0,
+            v,
+            sin,
+        ]
     };
-    Longitudinal {
-        force: int(0, &|i| s.force[i]),
-        speed_rate,
-        inertial: if accelerometer { int(0, &|i| s.accel[i]) } else { speed_rate },
-        sway,
-        rolling: GRAVITY * int(0, &|i| (s.speed[i] / body.smoothing_speed).tanh()),
-        drag: if drag { 0.5 * body.air_density * int(0, &|i| s.speed[i] * s.speed[i].abs()) } else { 0.0 },
-        one: int(0, &|_| 1.0),
-    }
+    each(windows, starts, terms, |terms, at| {
+        let [force, accel, turning, rolling, drags, one, ..] = terms.integrals(psi, 0, at);
+        let speed_rate = -terms.integral(psi, 1, at, 6);
+        Longitudinal {
+            force,
+            speed_rate,
+            inertial: if accelerometer { accel } else { speed_rate },
+            sway: if sways { body.lever * (terms.integral(psi, 2, at, 7) - turning) } else { 0.0 },
+            rolling: GRAVITY * rolling,
+            drag: if drag { 0.5 * body.air_density * drags } else { 0.0 },
+            one,
+        }
+    })
 }
 
 /// Which longitudinal unknowns are sought.
@@ -285,8 +352,7 @@ impl Drive {
 /// Longitudinal rows, N.s.
 pub fn drive(rows: &mut Rows, windows: &Windows, body: &Body, unknowns: Drive, accelerometer: bool) {
     let drag = unknowns == Drive::RollingRobotDrag || body.drag_area != 0.0;
-    fill(rows, windows, body.b, |at| {
-        let l = longitudinal(windows, body, accelerometer, drag, at);
+    let row = |l: Longitudinal| {
         let spinning = body.rotating_mass * l.speed_rate;
         let resist = body.drag_area * l.drag + spinning;
         let sway = body.human_mass * l.sway;
@@ -306,6 +372,9 @@ pub fn drive(rows: &mut Rows, windows: &Windows, body: &Body, unknowns: Drive, a
                 body.efficiency * l.force - body.human_mass * l.inertial - sway - spinning,
             ),
         }
+    };
+    fill(rows, windows, body.b, |starts| {
+        longitudinal(windows, body, accelerometer, drag, starts).into_iter().map(row).collect()
     });
 }
 
@@ -316,7 +385,7 @@ pub fn wheels_only(rows: &mut Rows, windows: &Windows, body: &Body) {
     let mt = body.effective_mass();
     let d = body.j * mt - body.b * body.b;
     let slow = 3.0 * body.smoothing_speed;
-    fill(rows, windows, 0.0, |at| {
+    let row = |at: usize| {
         let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
         if !(at..at + windows.psi.len()).all(|i| s.speed[i] > slow) {
             return (vec![f64::NAN; 3], f64::NAN);
@@ -325,7 +394,8 @@ pub fn wheels_only(rows: &mut Rows, windows: &Windows, body: &Body) {
         let speed = |i: usize| s.speed[i];
         let row = vec![-int(1, &force) - mt * int(2, &speed), int(0, &force) + mt * int(1, &speed), -int(0, &|_| 1.0)];
         (row, -(d * int(3, &speed) + body.j * int(2, &force)))
-    });
+    };
+    fill(rows, windows, 0.0, |starts| starts.par_iter().map(|at| row(*at)).collect());
 }
 
 /// Slope of a quadratic fitted to 11 points around each sample; at the ends, to the nearest 11.

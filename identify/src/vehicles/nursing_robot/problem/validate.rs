@@ -19,11 +19,11 @@ pub(super) fn validate(task: &Task) -> Vec<Prediction> {
         task.progress.reach(index as f64 / count as f64);
         let measured_pitch = !log.signals.pitch.is_empty();
         if measured_pitch && body.j > 0.0 && !task.wanted_of(&super::PITCH).is_empty() {
-            all.extend(moment("pitch moment", &source.source, log, &body, &hip, rows::pitch_row));
+            all.extend(moment("pitch moment", &source.source, log, &body, &hip, rows::pitch_rows));
             all.extend(simulated_pitch(&source.source, log, &body, &hip));
         }
         if !log.signals.roll.is_empty() && body.j > 0.0 && !task.wanted_of(&super::ROLL).is_empty() {
-            all.extend(moment("roll moment", &source.source, log, &body, &super::side(task.known), rows::roll_row));
+            all.extend(moment("roll moment", &source.source, log, &body, &super::side(task.known), rows::roll_rows));
         }
         if !measured_pitch && body.j > 0.0 {
             log.signals.pitch = sway::pitch_from_speed(&log.signals, &body, &hip);
@@ -45,8 +45,9 @@ fn prediction(trace: Trace, independent: usize) -> Option<Prediction> {
 fn force(source: &str, log: &Windowed, body: &Body, hip: &Passive, accelerometer: bool) -> Option<Prediction> {
     let windows = log.sway(Progress::none());
     let mut trace = trace("drive force", "N", source);
-    for start in windows.starts() {
-        let l = rows::longitudinal(&windows, body, accelerometer, body.drag_area != 0.0, start);
+    let starts: Vec<usize> = windows.starts().collect();
+    let integrals = rows::longitudinal(&windows, body, accelerometer, body.drag_area != 0.0, &starts);
+    for (start, l) in starts.into_iter().zip(integrals) {
         let balance = body.total_mass() * (l.inertial + hip.rolling * l.rolling)
             + body.human_mass * l.sway
             + body.rotating_mass * l.speed_rate
@@ -67,13 +68,13 @@ fn moment(
     log: &Windowed,
     body: &Body,
     joint: &Passive,
-    row: impl Fn(&Windows, &Body, usize) -> rows::JointRow,
+    rows: impl Fn(&Windows, &Body, &[usize]) -> Vec<rows::JointRow>,
 ) -> Option<Prediction> {
     let windows = log.sway(Progress::none());
     let one = windows.psi.integral(0, 0, |_| 1.0);
     let mut trace = trace(name, "N.m", source);
-    for start in windows.starts() {
-        let (a, needed) = row(&windows, body, start);
+    let starts: Vec<usize> = windows.starts().collect();
+    for ((a, needed), start) in rows(&windows, body, &starts).into_iter().zip(starts) {
         let given = joint.stiffness * a[0] + joint.damping * a[1] + joint.stiffness * joint.rest * a[2];
         if (given + needed).is_finite() {
             trace.time.push(windows.middle(start));
