@@ -163,16 +163,6 @@ impl Gram {
         Self { n, count: 0.0, sums: vec![0.0; n], products: vec![0.0; n * n] }
     }
 
-    fn push(&mut self, z: &[f64]) {
-        self.count += 1.0;
-        for (i, a) in z.iter().enumerate() {
-            self.sums[i] += a;
-            for (product, b) in self.products[i * self.n..].iter_mut().zip(&z[..=i]) {
-                *product += a * b;
-            }
-        }
-    }
-
     fn centred(mut self) -> Self {
         for i in 0..self.n {
             for j in 0..=i {
@@ -317,6 +307,54 @@ fn surrounded(values: &[f64], reach: usize, there: &mut [bool]) {
     }
 }
 
+/// The sums over some instants for every lag of the late terms, from `-reach` to `reach`. At each instant all lags are
+/// taken together: they stand side by side.
+fn by_lag(terms: &[&Term], values: &[Vec<f64>], instants: &[usize], reach: usize) -> Vec<Gram> {
+    let (n, lags) = (terms.len(), 2 * reach + 1);
+    let late = |i: usize| terms[i].side == Side::Late;
+    // By term or pair of terms, and lag; what no lag changes stands at the first one.
+    let mut sums = vec![vec![0.0; lags]; n];
+    let mut products = vec![vec![0.0; lags]; n * n];
+    for &k in instants {
+        let shifted = |i: usize| &values[i][k - reach..=k + reach];
+        for i in 0..n {
+            if late(i) {
+                sums[i].iter_mut().zip(shifted(i)).for_each(|(sum, a)| *sum += a);
+            } else {
+                sums[i][0] += values[i][k];
+            }
+            for j in 0..=i {
+                let product = &mut products[i * n + j];
+                match (late(i), late(j)) {
+                    (true, true) => {
+                        let pairs = shifted(i).iter().zip(shifted(j));
+                        product.iter_mut().zip(pairs).for_each(|(sum, (a, b))| *sum += a * b);
+                    }
+                    (true, false) => add_scaled(product, shifted(i), values[j][k]),
+                    (false, true) => add_scaled(product, shifted(j), values[i][k]),
+                    (false, false) => product[0] += values[i][k] * values[j][k],
+                }
+            }
+        }
+    }
+    let of_lag = |lag: usize| {
+        let mut gram = Gram::new(n);
+        gram.count = instants.len() as f64;
+        for i in 0..n {
+            gram.sums[i] = sums[i][if late(i) { lag } else { 0 }];
+            for j in 0..=i {
+                gram.products[i * n + j] = products[i * n + j][if late(i) || late(j) { lag } else { 0 }];
+            }
+        }
+        gram
+    };
+    (0..lags).map(of_lag).collect()
+}
+
+fn add_scaled(to: &mut [f64], values: &[f64], factor: f64) {
+    to.iter_mut().zip(values).for_each(|(sum, value)| *sum += value * factor);
+}
+
 /// Works a relation out on a log.
 pub fn answer(signals: &Signals, relation: &Relation) -> Option<Answer> {
     let period = signals.period;
@@ -344,20 +382,10 @@ pub fn answer(signals: &Signals, relation: &Relation) -> Option<Answer> {
     let every = count.div_ceil(INSTANTS).max(apart).max(1);
     let lags = 2 * reach + 1;
     let mut sums: Vec<Vec<Gram>> = Vec::with_capacity(length);
-    let mut z = vec![0.0; n];
     for b in 0..length {
         let instants: Vec<usize> = (b * block..(b + 1) * block).step_by(every).filter(|k| there[*k]).collect();
-        let of_lag = |lag: usize| {
-            let mut gram = Gram::new(n);
-            for &k in &instants {
-                for (cell, (term, values)) in z.iter_mut().zip(terms.iter().zip(&values)) {
-                    *cell = values[if term.side == Side::Late { k + lag - reach } else { k }];
-                }
-                gram.push(&z);
-            }
-            if relation.constant { gram.centred() } else { gram }
-        };
-        sums.push((0..lags).map(of_lag).collect());
+        let grams = by_lag(&terms, &values, &instants, reach).into_iter();
+        sums.push(grams.map(|gram| if relation.constant { gram.centred() } else { gram }).collect());
     }
     sums.retain(|block| block[0].count >= 4.0);
     if sums.len() < BLOCKS.0 / 2 {
