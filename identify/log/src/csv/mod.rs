@@ -5,6 +5,7 @@
 
 mod cell;
 mod dialect;
+mod number;
 mod rows;
 mod source;
 
@@ -17,7 +18,7 @@ use super::{Log, LogError};
 use crate::hash::{self, Hashed};
 use crate::progress::Progress;
 use crate::wanted::Wanted;
-use cell::{Kind, leading_number};
+use cell::{Kind, number_at};
 use dialect::{Dialect, bare};
 use memchr::memchr_iter;
 use rows::{Row, Rows};
@@ -125,8 +126,8 @@ pub(super) fn parse(
     let mut usual = usual(&columns, &read, &dialect);
     loop {
         if let Some(usual) = &usual
-            && let Some(line) = rows.plain().map_err(fail)?
-            && usual.read(line, &mut columns, samples.len())
+            && let Some((text, length)) = rows.plain().map_err(fail)?
+            && usual.read(text, length, &mut columns, samples.len())
         {
             samples.push(u32::try_from(dialect.skip.1 + rows.pass()).unwrap_or(u32::MAX));
             empty = 0;
@@ -211,38 +212,43 @@ fn usual(columns: &[Reading], read: &[usize], dialect: &Dialect) -> Option<Usual
 }
 
 impl Usual {
-    /// Adds a row to the columns, which have `rows` values; false, with nothing added, if it is of another kind.
-    fn read(&self, line: &[u8], columns: &mut [Reading], rows: usize) -> bool {
-        let read = self.try_read(line, columns).is_some();
+    /// Adds the row of this length, with which a text begins, to the columns, which have `rows` values; false, with nothing
+    /// added, if it is of another kind.
+    fn read(&self, text: &[u8], length: usize, columns: &mut [Reading], rows: usize) -> bool {
+        let read = self.try_read(text, length, columns).is_some();
         if !read {
             self.places.iter().for_each(|place| columns[*place].values.truncate(rows));
         }
         read
     }
 
-    fn try_read(&self, line: &[u8], columns: &mut [Reading]) -> Option<()> {
-        let spaces = |text: &[u8]| text.iter().take_while(|byte| **byte == b' ').count();
-        // What stands before the next cell; nothing behind the last one.
-        let mut rest = Some(line);
+    fn try_read(&self, text: &[u8], length: usize, columns: &mut [Reading]) -> Option<()> {
+        let line = &text[..length];
+        let skip_spaces = |mut at: usize| {
+            while line.get(at) == Some(&b' ') {
+                at += 1;
+            }
+            at
+        };
+        // Where the next cell begins; none behind the last one.
+        let mut start = Some(0);
         let (mut next, mut numbers) = (0, 0);
         for &place in &self.places {
-            let mut cell = rest?;
+            let mut at = start?;
             if place > next {
-                let at = memchr_iter(self.separator, cell).nth(place - next - 1)?;
-                cell = &cell[at + 1..];
+                at += memchr_iter(self.separator, &line[at..]).nth(place - next - 1)? + 1;
             }
             next = place + 1;
-            cell = &cell[spaces(cell)..];
+            at = skip_spaces(at);
             let mut number = None;
-            if cell.first().is_some_and(|byte| *byte != self.separator) {
-                let (value, length) = leading_number(cell)?;
+            if line.get(at).is_some_and(|byte| *byte != self.separator) {
+                let (value, end) = number_at(text, at, length)?;
                 number = Some(value);
-                cell = &cell[length..];
-                cell = &cell[spaces(cell)..];
+                at = skip_spaces(end);
             }
-            rest = match cell.split_first() {
+            start = match line.get(at) {
                 None => None,
-                Some((byte, after)) if *byte == self.separator => Some(after),
+                Some(byte) if *byte == self.separator => Some(at + 1),
                 Some(_) => return None,
             };
             let column = &mut columns[place];
@@ -252,7 +258,7 @@ impl Usual {
                 numbers += 1;
             }
         }
-        let cells = next + rest.map_or(0, |rest| memchr_iter(self.separator, rest).count() + 1);
+        let cells = next + start.map_or(0, |start| memchr_iter(self.separator, &line[start..]).count() + 1);
         // Rows of nothing are counted elsewhere.
         (cells == self.width && numbers > 0).then_some(())
     }

@@ -72,13 +72,15 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// The next row as it stands, if it has no quotes; [`pass`](Self::pass) or [`next`](Self::next) goes on.
-    pub fn plain(&mut self) -> io::Result<Option<&[u8]>> {
+    /// The next row as it stands with what was read behind it, and its length, if it has no quotes;
+    /// [`pass`](Self::pass) or [`next`](Self::next) goes on.
+    pub fn plain(&mut self) -> io::Result<Option<(&[u8], usize)>> {
         let Some(length) = self.line()? else { return Ok(None) };
         self.ahead = length;
-        let line = &self.text[self.start..self.start + length];
+        let text = &self.text[self.start..self.end];
+        let line = &text[..length];
         let is_row = !line.is_empty() && self.comment != Some(line[0]) && memchr(b'"', line).is_none();
-        Ok(is_row.then_some(line))
+        Ok(is_row.then_some((text, length)))
     }
 
     /// Goes on behind the row that [`plain`](Self::plain) has returned; the number of its line, from 1.
