@@ -25,8 +25,8 @@ pub struct Machine {
     pub wheel_inertia: f64,
     /// Front and rear tyre.
     pub tires: [TireLaw; 2],
-    /// Ground friction over that of the tyres' parameters.
-    pub ground: f64,
+    /// Ground friction under each wheel over that of the tyres' parameters.
+    pub ground: [f64; 4],
     /// Shape and stiffness of the slip law.
     pub slip_law: [f64; 2],
     /// Rolling resistance over load.
@@ -145,10 +145,10 @@ impl Machine {
                 let tire = &self.tires[axle];
                 let rim = self.radius * x[3 + i];
                 let slip = (rim - along) / along.abs().max(rim.abs()).max(self.guard);
-                let grip = tire.grip(load, self.ground) * load;
+                let grip = tire.grip(load, self.ground[i]) * load;
                 let fx = grip * (self.slip_law[0] * (self.slip_law[1] * slip).atan()).sin();
                 let drift = -(across / along.abs().max(self.guard)).atan();
-                let mut fy = tire.lateral(drift, load, self.ground);
+                let mut fy = tire.lateral(drift, load, self.ground[i]);
                 if self.combined && grip > 0.0 {
                     fy *= (1.0 - (fx / grip).powi(2)).max(0.0).sqrt();
                 }

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from vehiclemodels.init_mb import init_mb
 from vehiclemodels.parameters_vehicle2 import parameters_vehicle2
+from vehiclemodels.utils.acceleration_constraints import acceleration_constraints
 from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
 
 STEP, SAMPLE, DURATION = 1e-3, 10, 10.0
@@ -38,17 +39,27 @@ def ramp(size):
     return lambda t: size * min(max((t - 2.0) / 0.3, 0.0), 1.0)
 
 
-def pulls(t):
-    """Longitudinal acceleration asked for, m/s2: accelerate, coast, brake, coast."""
-    plan = [(1.0, 0.0), (3.5, 2.0), (5.0, 0.0), (7.5, -4.0), (9.0, 1.0)]
-    return next((a for until, a in plan if t < until), 0.0)
+def pulls(*plan):
+    """Longitudinal acceleration asked for, m/s2: pairs of the time until which it holds and itself, then none."""
+    return lambda t: next((a for until, a in plan if t < until), 0.0)
+
+
+def weave(size, rate):
+    return lambda t: size * math.sin(rate * math.pi * t)
 
 
 SCENARIOS = {
     "sine": (15.0, lambda t: 0.04 * math.sin(0.8 * math.pi * t), lambda t: 0.3 * math.cos(0.25 * math.pi * t), 1.0),
     "dlc": (20.0, lane_change(0.03), lambda t: 0.0, 1.0),
     "step": (15.0, ramp(0.04), lambda t: 0.0, 1.0),
-    "accel_brake": (15.0, lambda t: 0.01 * math.sin(0.5 * math.pi * t), pulls, 1.0),
+    # accelerate, coast, brake, coast
+    "accel_brake": (15.0, weave(0.01, 0.5), pulls((1.0, 0.0), (3.5, 2.0), (5.0, 0.0), (7.5, -4.0), (9.0, 1.0)), 1.0),
+    # rear wheels at the limit of their friction
+    "launch": (6.0, weave(0.02, 0.6), pulls((1.0, 0.0), (5.0, 6.0), (6.0, 0.0), (9.0, 4.0)), 1.0),
+    # a rear wheel locks in the first of two stops
+    "stop": (28.0, weave(0.01, 0.5), pulls((1.5, 0.0), (3.5, -8.0), (4.5, 0.5), (6.0, -6.5)), 1.0),
+    # on slippery ground a rear wheel spins, the car slides, and wheels lock
+    "slippery": (12.0, weave(0.015, 0.5), pulls((1.0, 0.0), (4.0, 2.5), (5.0, 0.0), (7.0, -3.0), (8.0, 1.0)), 0.45),
     "low_mu": (15.0, lane_change(0.03), lambda t: 0.0, 0.45),
 }
 
@@ -77,7 +88,7 @@ def run(name, path):
 
         k1 = rates(x, t)
         if k % SAMPLE == 0:
-            torque = torques(p, pull(t))
+            torque = torques(p, acceleration_constraints(x[3], pull(t), p.longitudinal))
             omega = [x[i] for i in WHEELS]
             force = [(torque[i] - p.I_y_w * k1[WHEELS[i]]) / p.R_w for i in range(4)]
             ax, ay = k1[3] - x[5] * x[10], k1[10] + x[5] * x[3]

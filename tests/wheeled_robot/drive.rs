@@ -10,7 +10,7 @@ use wheelstate::{Estimator, Variables};
 /// Sample period, s.
 pub const DT: f64 = 0.01;
 
-fn machine() -> Machine {
+pub fn machine() -> Machine {
     let tire = TireLaw {
         stiffness: 1318.464,
         nominal: 147.15,
@@ -29,7 +29,7 @@ fn machine() -> Machine {
         radius: 0.15,
         wheel_inertia: 0.06,
         tires: [tire.clone(), tire],
-        ground: 1.0,
+        ground: [1.0; 4],
         slip_law: [1.6, 12.0],
         rolling: 0.0,
         combined: false,

@@ -4,4 +4,5 @@ mod consistency;
 mod drive;
 mod inputs;
 mod multibody;
+mod slip;
 mod vectors;

@@ -8,7 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 use wheelstate::Estimator;
 use wheelstate::estimator::wheeled_robot::{Inputs, Outputs, Parameters, WheeledRobot};
 
-fn car(fitted: bool, friction: f64) -> Parameters {
+pub fn car(fitted: bool, friction: f64) -> Parameters {
     let mut p = Parameters::default();
     let v = &mut p.vehicle;
     (v.mass, v.yaw_inertia, v.cg_to_front, v.cg_to_rear) = (1093.3, 1791.6, 1.1562, 1.4227);
@@ -36,51 +36,59 @@ fn car(fitted: bool, friction: f64) -> Parameters {
     p
 }
 
+/// What sensors with noise make of a log, with the true motion.
+pub fn sensors(table: &Table, seed: u64) -> Vec<(Inputs, [f64; 3])> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut noise = |std: f64| std * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng);
+    (0..table.rows.len())
+        .map(|row| {
+            let at = |name: &str| table.at(row, name);
+            let four = |name: &str| ["fl", "fr", "rl", "rr"].map(|wheel| at(&format!("{name}_{wheel}")));
+            let torque = four("drive_torque").map(|t| t + noise(10.0));
+            let speed = four("wheel_speed").map(|w| w + noise(0.03));
+            let inputs = Inputs {
+                steering_angle: at("steering_angle") + noise(0.001),
+                drive_torque_fl: torque[0],
+                drive_torque_fr: torque[1],
+                drive_torque_rl: torque[2],
+                drive_torque_rr: torque[3],
+                wheel_speed_fl: speed[0],
+                wheel_speed_fr: speed[1],
+                wheel_speed_rl: speed[2],
+                wheel_speed_rr: speed[3],
+                accel_x: at("accel_x") + noise(0.1),
+                accel_y: at("accel_y") + noise(0.1),
+                gyro_z: at("gyro_z") + noise(0.005),
+                speed: f64::NAN,
+                ..Inputs::default()
+            };
+            (inputs, [at("true_speed_x"), at("true_speed_y"), at("gyro_z")])
+        })
+        .collect()
+}
+
 /// RMSE after the first second: longitudinal force of a wheel, torque over radius, vx, vy, r; and the mean squared
 /// errors of vx, vy, r over their claimed variances.
 fn errors(table: &Table, p: &Parameters) -> ([f64; 5], [f64; 3]) {
-    let mut rng = ChaCha8Rng::seed_from_u64(5);
-    let mut noise = |std: f64| std * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng);
     let mut estimator = WheeledRobot::new(p).unwrap();
     let mut out = Outputs::default();
     let (mut sum, mut claimed, mut count) = ([0.0; 5], [0.0; 3], 0.0);
-    for row in 0..table.rows.len() {
-        let at = |name: &str| table.at(row, name);
-        let four = |name: &str| ["fl", "fr", "rl", "rr"].map(|wheel| at(&format!("{name}_{wheel}")));
-        let torque = four("drive_torque").map(|t| t + noise(10.0));
-        let speed = four("wheel_speed").map(|w| w + noise(0.03));
-        let inputs = Inputs {
-            steering_angle: at("steering_angle") + noise(0.001),
-            drive_torque_fl: torque[0],
-            drive_torque_fr: torque[1],
-            drive_torque_rl: torque[2],
-            drive_torque_rr: torque[3],
-            wheel_speed_fl: speed[0],
-            wheel_speed_fr: speed[1],
-            wheel_speed_rl: speed[2],
-            wheel_speed_rr: speed[3],
-            accel_x: at("accel_x") + noise(0.1),
-            accel_y: at("accel_y") + noise(0.1),
-            gyro_z: at("gyro_z") + noise(0.005),
-            speed: f64::NAN,
-            ..Inputs::default()
-        };
-        estimator.step(&inputs, 0.01);
-        estimator.outputs(&inputs, 0.0, &mut out);
+    for (row, (inputs, motion)) in sensors(table, 5).iter().enumerate() {
+        estimator.step(inputs, 0.01);
+        estimator.outputs(inputs, 0.0, &mut out);
         if row < 100 {
             continue;
         }
-        let truth = four("true_wheel_force_x");
+        let truth = ["fl", "fr", "rl", "rr"].map(|wheel| table.at(row, &format!("true_wheel_force_x_{wheel}")));
+        let torque = [inputs.drive_torque_fl, inputs.drive_torque_fr, inputs.drive_torque_rl, inputs.drive_torque_rr];
         let force = [out.wheel_force_x_fl, out.wheel_force_x_fr, out.wheel_force_x_rl, out.wheel_force_x_rr];
         let force = force.map(|force| force.value);
         for i in 0..4 {
             sum[0] += 0.25 * (force[i] - truth[i]).powi(2);
             sum[1] += 0.25 * (torque[i] / p.wheel.radius - truth[i]).powi(2);
         }
-        for (i, estimate, truth) in
-            [(0, out.speed_x, "true_speed_x"), (1, out.speed_y, "true_speed_y"), (2, out.yaw_rate, "gyro_z")]
-        {
-            let error = estimate.value - at(truth);
+        for (i, estimate) in [out.speed_x, out.speed_y, out.yaw_rate].into_iter().enumerate() {
+            let error = estimate.value - motion[i];
             sum[2 + i] += error * error;
             claimed[i] += (error / estimate.std).powi(2);
         }

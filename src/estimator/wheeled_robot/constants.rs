@@ -1,5 +1,5 @@
 //! Constants that are known with an error, considered in the covariance ([`crate::filter::srckf`]): stiffness and friction
-//! of each axle's tyres and the direction in which it rolls, the rolling radius, the bias of the lateral accelerometer.
+//! of each axle's tyres and the direction in which it rolls, rolling radius and slip, the bias of the lateral accelerometer.
 
 use super::parameters::Parameters;
 use super::speed_knowledge::is_measured;
@@ -10,11 +10,12 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Number of constants: relative errors of stiffness, front and rear, of friction likewise, of the radius; the bias; the
-/// directions, front and rear.
-const COUNT: usize = 8;
+/// directions, front and rear; the slip.
+const COUNT: usize = 9;
 const RADIUS: usize = 4;
 const BIAS: usize = 5;
 const STEERING: usize = 6;
+const SLIP: usize = 8;
 
 /// How far the motion is off per standard deviation of each constant.
 pub(super) type Cross = SMatrix<f64, 3, COUNT>;
@@ -118,8 +119,9 @@ impl Constants {
         }
     }
 
-    /// What the channels are off by; `rolled` is whether the speed comes from the wheels.
-    pub fn shown(&self, cross: &Cross, slopes: &Slopes, x: &Motion, rolled: bool) -> Shown {
+    /// What the channels are off by; `rolled` are the standard deviations of the errors of a speed from the wheels
+    /// ([`rolled`](Self::rolled)), m/s.
+    pub fn shown(&self, cross: &Cross, slopes: &Slopes, x: &Motion, rolled: [f64; 2]) -> Shown {
         let acceleration = product(&slopes.by_motion, cross) + slopes.by_error;
         let [forward, left] = self.imu;
         let mut shown = Shown::zeros();
@@ -130,10 +132,14 @@ impl Constants {
             shown.data.0[k] = [ax - spin * forward - turn * left, ay - spin * left + turn * forward, r, vx];
         }
         shown[(1, BIAS)] += self.bias;
-        if rolled {
-            shown[(3, RADIUS)] += self.radius * x[0];
-        }
+        (shown[(3, RADIUS)], shown[(3, SLIP)]) = (shown[(3, RADIUS)] + rolled[0], shown[(3, SLIP)] + rolled[1]);
         shown
+    }
+
+    /// What the errors of radius and slip, of which the standard deviation is given (m/s), add to a speed from the
+    /// wheels, m/s.
+    pub fn rolled(&self, speed: f64, slip_std: f64) -> [f64; 2] {
+        [self.radius * speed, slip_std]
     }
 
     /// What is known of the motion, the constants' errors counted.

@@ -43,13 +43,13 @@ impl RobotMachine {
     }
 
     /// Measurement update with the channels `z`, the standard deviations of their noise and the gate. A speed that nothing
-    /// determines must not be moved by noise: it is considered, not updated. `rolled` is whether the speed comes from
-    /// the wheels.
+    /// determines must not be moved by noise: it is considered, not updated. `rolled` are the standard deviations of
+    /// the errors of radius and slip in a speed from the wheels, m/s.
     pub(super) fn correct(
         &self,
         state: &mut State,
         (z, noise, gate): (&Vector4<f64>, &Vector4<f64>, Gate),
-        rolled: bool,
+        rolled: [f64; 2],
         slopes: &Slopes,
         driven: &Driven,
     ) -> Innovation<4> {

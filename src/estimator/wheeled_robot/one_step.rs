@@ -20,7 +20,7 @@ impl RobotMachine {
         into: &mut OneStepPrediction,
     ) {
         let mut state = before.clone();
-        let Measured { slopes, reference, driven, z, noise, .. } = self.measure(&mut state, inputs, elapsed);
+        let Measured { slopes, driven, z, noise, rolled, .. } = self.measure(&mut state, inputs, elapsed);
         let imu = &self.parameters.imu;
         let (mean, factor) = (state.belief.mean, state.belief.factor * 3f64.sqrt());
         let points: [Vector3<f64>; 6] =
@@ -30,7 +30,7 @@ impl RobotMachine {
             let (ax, ay) = specific_force_at(accelerations[k], points[k][2], imu.x, imu.y);
             [ax, ay, points[k][2], points[k][0]]
         });
-        let shown = self.constants.shown(&state.cross, &slopes, &mean.into(), reference.is_none());
+        let shown = self.constants.shown(&state.cross, &slopes, &mean.into(), rolled);
         for (row, (channel, unit)) in CHANNELS.into_iter().enumerate() {
             let expected = seen.iter().map(|point| point[row]).sum::<f64>() / 6.0;
             let spread = seen.iter().map(|point| (point[row] - expected).powi(2)).sum::<f64>() / 6.0;

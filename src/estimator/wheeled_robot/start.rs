@@ -29,7 +29,7 @@ impl RobotMachine {
         state.grip = self.initial.grip;
         (state.cross, state.noise) = (Cross::zeros(), self.initial.noise);
         state.rejections = 0;
-        state.agreement = self.initial.agreement;
+        (state.agreement, state.slip) = (self.initial.agreement, self.initial.slip);
     }
 
     /// Motion of which only the speed is known: it goes about straight on, and slides and turns as vehicles do.

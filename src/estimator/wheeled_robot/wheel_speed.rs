@@ -1,8 +1,8 @@
 //! What the speeds of the wheels say about the motion: the longitudinal speed, standstill, slip.
 
-use super::forces::{Predicted, Readings};
+use super::forces::{Predicted, Readings, WheelForces};
 use super::parameters::{Axle, Parameters};
-use crate::model::wheeled_robot::{Driven, Motion, Vehicle, Wheel, Wheels};
+use crate::model::wheeled_robot::{Driven, Motion, Vehicle, Wheel};
 
 /// Rim speed over this many deviations of its noise is motion.
 const MOVING: f64 = 5.0;
@@ -10,6 +10,24 @@ const MOVING: f64 = 5.0;
 const STANDING: f64 = 0.01;
 /// Slip beyond which a wheel is said to slip.
 const SLIPPING: f64 = 0.2;
+/// Slip per longitudinal force over load where no slip stiffness is given (one standard deviation): that of a stiffness of
+/// 15, at the lower end of what tyres have.
+const COMPLIANCE: f64 = 1.0 / 15.0;
+/// Largest standard deviation of the slip that a force lets expect.
+const LARGEST_SLIP: f64 = 0.5;
+/// Share of the friction beyond which a tyre slides.
+const SLIDING: f64 = 0.98;
+/// Difference of an axle's wheels, in deviations of the speed's noise, beyond which one of them slips.
+const APART: f64 = 4.0;
+
+/// The longitudinal speed that the wheels show.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rolled {
+    /// Of the centre of gravity, m/s.
+    pub speed: f64,
+    /// Standard deviation of the error by the slip that the forces need, as much as they are not corrected for, m/s.
+    pub slip_std: f64,
+}
 
 /// The wheels as sensors of the speed.
 #[derive(Clone, Debug)]
@@ -19,29 +37,47 @@ pub(super) struct WheelSpeed {
     axle: Axle,
     /// Rim speed below which a wheel stands, m/s.
     standing: f64,
+    /// Slip per longitudinal force over load (one standard deviation).
+    compliance: f64,
+    /// Friction that the tyres in front and at the rear have at least.
+    friction: [f64; 2],
+    /// Difference between the wheels of an axle beyond which one slips, m/s.
+    apart: f64,
 }
 
 impl WheelSpeed {
     pub fn new(p: &Parameters) -> Self {
         let noise = p.observer.measurement_std.wheel_speed * p.wheel.radius;
         let standing = (MOVING * noise).max(STANDING);
-        Self { vehicle: p.vehicle.clone(), wheel: p.wheel.clone(), axle: p.filter.speed_axle, standing }
+        let compliance = match p.wheel.slip_stiffness {
+            0.0 => COMPLIANCE,
+            stiffness => p.wheel.slip_stiffness_std / stiffness,
+        };
+        let friction = [&p.tire.front, &p.tire.rear].map(|tire| tire.friction * (1.0 - tire.friction_std).max(0.1));
+        let apart = APART * std::f64::consts::SQRT_2 * p.filter.measurement_std.speed;
+        let (vehicle, wheel, axle) = (p.vehicle.clone(), p.wheel.clone(), p.filter.speed_axle);
+        Self { vehicle, wheel, axle, standing, compliance, friction, apart }
     }
 
-    /// Longitudinal speed of the centre of gravity from the wheels that have a sample, m/s.
-    pub fn speed(&self, readings: &Readings, force: &Wheels, predicted: &Predicted) -> Option<f64> {
-        let axle = |left: usize| self.axle_speed(readings, force, predicted, left);
-        let (rear, front) = (axle(2), axle(0));
+    /// What the wheels that have a sample say of the longitudinal speed.
+    pub fn speed(&self, readings: &Readings, forces: &WheelForces, predicted: &Predicted) -> Option<Rolled> {
+        let axle = |left: usize| self.axle_speed(readings, forces, predicted, left);
         match self.axle {
-            Axle::Rear => rear.or(front),
-            Axle::Front => front.or(rear),
+            Axle::Rear => axle(2).or_else(|| axle(0)),
+            Axle::Front => axle(0).or_else(|| axle(2)),
         }
     }
 
     /// The same from the axle whose left wheel has this number: the mean of its wheels, each without its slip and
-    /// without what turning adds to it.
-    fn axle_speed(&self, readings: &Readings, force: &Wheels, predicted: &Predicted, left: usize) -> Option<f64> {
-        let [_, vy, r] = predicted.x;
+    /// without what turning adds to it. Of wheels that are far apart the one is taken that is nearer to what is predicted.
+    fn axle_speed(
+        &self,
+        readings: &Readings,
+        forces: &WheelForces,
+        predicted: &Predicted,
+        left: usize,
+    ) -> Option<Rolled> {
+        let [vx, vy, r] = predicted.x;
         let (half_track, across, s) = if left == 0 {
             (0.5 * self.vehicle.track_front, vy + self.vehicle.cg_to_front * r, predicted.drive.steering_sin())
         } else {
@@ -51,17 +87,40 @@ impl WheelSpeed {
         let one = |i: usize, offset: f64| {
             readings.speed[i].map(|speed| {
                 let slip = if self.wheel.slip_stiffness > 0.0 && predicted.load[i] > 0.0 {
-                    (force[i] / (self.wheel.slip_stiffness * predicted.load[i])).clamp(-0.5, 0.5)
+                    (forces.force[i] / (self.wheel.slip_stiffness * predicted.load[i])).clamp(-0.5, 0.5)
                 } else {
                     0.0
                 };
-                (self.wheel.radius * speed / (1.0 + slip) - across * s) / c + offset
+                let speed = (self.wheel.radius * speed / (1.0 + slip) - across * s) / c + offset;
+                Rolled { speed, slip_std: self.slip_std(forces, predicted, i) * speed.abs().max(vx.abs()) }
             })
         };
+        // the very same speed is that of the shaft before a differential, the mean of both
+        let apart = |a: f64, b: f64| (a - b).abs() > self.apart && readings.speed[left] != readings.speed[left + 1];
         match (one(left, half_track * r), one(left + 1, -half_track * r)) {
-            (Some(a), Some(b)) => Some(0.5 * (a + b)),
+            (Some(a), Some(b)) if apart(a.speed, b.speed) => {
+                Some(if (a.speed - vx).abs() < (b.speed - vx).abs() { a } else { b })
+            }
+            (Some(a), Some(b)) => {
+                Some(Rolled { speed: 0.5 * (a.speed + b.speed), slip_std: 0.5 * (a.slip_std + b.slip_std) })
+            }
             (a, b) => a.or(b),
         }
+    }
+
+    /// Standard deviation of a wheel's slip. With the share `u` of the friction that the wheel's whole force uses, Dugoff's
+    /// tyre (*An analysis of tire traction properties*, 1970) has the linear slip for `u < 1/2` and `1/(4 u (1 - u))` times
+    /// this beyond.
+    fn slip_std(&self, forces: &WheelForces, predicted: &Predicted, i: usize) -> f64 {
+        let load = predicted.load[i];
+        if load <= 0.0 {
+            return LARGEST_SLIP;
+        }
+        let (force, std, lateral) = (forces.force[i], forces.force_std[i], predicted.lateral[i]);
+        let along = force * force + std * std;
+        let used = ((along + lateral * lateral).sqrt() / (self.friction[i / 2] * load)).min(SLIDING);
+        let growth = if used > 0.5 { 0.25 / (used * (1.0 - used)) } else { 1.0 };
+        (self.compliance * along.sqrt() / load * growth).min(LARGEST_SLIP)
     }
 
     /// Whether all wheels that have a sample stand; nothing if none has one.

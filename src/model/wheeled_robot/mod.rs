@@ -62,8 +62,10 @@ variables! {
         radius_std: f64 = 0.01, "1", [0.0, 1.0], tunable;
         /// Moment of inertia of one wheel with all that turns with it, a motor's rotor reflected through its gear included (J).
         inertia: f64 = 0.06, "kg.m2", [1e-8, 1e5];
-        /// Longitudinal force per slip and per load, which corrects the speed taken from slipping wheels; 0 if the wheels are taken to roll without slip. Typically 15 to 30.
+        /// Longitudinal force per slip and per load, which corrects the speed taken from slipping wheels; 0 if it is not known: the wheels are taken to roll without slip, and that of a slip stiffness of 15 counts as an error in speed_x_std. Typically 15 to 30.
         slip_stiffness: f64 = 0.0, "1", [0.0, 1000.0];
+        /// Error of the slip stiffness over the slip stiffness (one standard deviation), which counts in speed_x_std likewise.
+        slip_stiffness_std: f64 = 0.3, "1", [0.0, 10.0], tunable;
     }
 }
 

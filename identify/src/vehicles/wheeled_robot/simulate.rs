@@ -120,7 +120,7 @@ fn machine(p: &Parameters, plant: &Plant) -> Machine {
         radius: p.wheel.radius,
         wheel_inertia: p.wheel.inertia,
         tires: [tire(&p.tire.front), tire(&p.tire.rear)],
-        ground: plant.friction,
+        ground: [plant.friction; 4],
         slip_law: [plant.slip_shape, plant.slip_stiffness],
         rolling: p.rolling.coefficient,
         combined: p.tire.combined,

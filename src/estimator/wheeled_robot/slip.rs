@@ -1,0 +1,110 @@
+//! Wheels that spin or lock, whose speed says nothing of the vehicle's.
+//!
+//! The slip that a force needs is an error of a constant ([`super::wheel_speed`]). Beyond the friction no force tells the slip.
+//! It shows in the acceleration: over a fraction of a second the wheels gain on the vehicle what the accelerometer, or the
+//! forces without one, does not explain. Then the wheels' speed counts as wrong by as much, until it agrees again with what
+//! the vehicle can have done meanwhile.
+
+use crate::filter::bounded;
+use serde::{Deserialize, Serialize};
+
+/// Time over which the wheels' gain is summed up, s.
+const TIME: f64 = 0.2;
+/// Deviations of noise that are none of slip.
+const CHANCE: f64 = 4.0;
+/// Acceleration that an inclined sensor or road adds, m/s².
+const INCLINED: f64 = 1.0;
+/// Time over which the error of a slipping wheel's speed is correlated, and over which it is trusted again, s.
+const CORRELATED: f64 = 1.0;
+/// Wheels that have neither gained nor lost for so long are taken to roll again, s.
+const CALM: f64 = 3.0;
+/// As long as never, s.
+const LONG_AGO: f64 = 1e9;
+
+/// What is remembered of the wheels' slip.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Slip {
+    /// What the wheels have gained on the vehicle over the last fraction of a second, m/s.
+    gained: f64,
+    /// Speed from the wheels at the sample before, m/s.
+    before: Option<f64>,
+    /// By how much the wheels' speed is taken to be wrong, m/s.
+    error: f64,
+    /// Time since it was last taken to be right, and since the wheels last gained or lost, s.
+    age: f64,
+    calm: f64,
+}
+
+/// The speed that the wheels show, beside what is expected.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Expectation {
+    /// Speed from the wheels and what the filter expects of it, m/s.
+    pub speed: f64,
+    pub expected: f64,
+    /// Variance of their difference without slip, m²/s².
+    pub variance: f64,
+    /// Standard deviation of the measurement alone, m/s.
+    pub noise: f64,
+    /// Rate of change of the vehicle's speed with the standard deviation of its white noise, m/s², if it is known.
+    pub acceleration: Option<(f64, f64)>,
+}
+
+impl Slip {
+    /// Takes a sample `dt` seconds after the one before. Where the wheels are first seen to slip, or taken to roll again
+    /// at another speed than expected, it returns by how much the estimate may be wrong, m/s.
+    pub fn update(&mut self, sample: &Expectation, dt: f64) -> Option<f64> {
+        let change = self.before.zip(sample.acceleration).filter(|_| dt < TIME);
+        self.gained = match change {
+            Some((before, (acceleration, _))) => {
+                (1.0 - dt / TIME) * self.gained + sample.speed - before - acceleration * dt
+            }
+            None => 0.0,
+        };
+        self.before = Some(sample.speed);
+        let accelerated = sample.acceleration.map_or(0.0, |(_, std)| std * std * dt * TIME);
+        let chance = CHANCE * CHANCE * (2.0 * sample.noise * sample.noise + accelerated);
+        let gained = self.gained.abs();
+        let beyond = gained - INCLINED * TIME;
+        let spins = beyond > 0.0 && beyond * beyond > chance;
+        let was_right = self.is_right(sample.noise);
+        self.calm = if spins || was_right { 0.0 } else { (self.calm + dt).min(LONG_AGO) };
+        let off = (sample.speed - sample.expected).abs();
+        // a speed that has not gained on the vehicle is no slip, whatever the model expects
+        let far = !was_right && off > CHANCE * sample.variance.sqrt() + INCLINED * self.age;
+        let rolls_again = far && self.calm > CALM;
+        // what slipped is trusted again by and by
+        let fading = if was_right { 0.0 } else { self.error * (1.0 - (dt / CORRELATED).min(1.0)) };
+        let seen = if far { off } else { 0.0 };
+        self.error = fading.max(seen).max(if spins { gained } else { 0.0 });
+        if rolls_again {
+            self.age = 0.0;
+            return Some(off);
+        }
+        self.age = if self.is_right(sample.noise) { 0.0 } else { (self.age + dt).min(LONG_AGO) };
+        (was_right && spins).then_some(gained)
+    }
+
+    /// Without a speed from the wheels.
+    pub fn skip(&mut self) {
+        (self.before, self.gained) = (None, 0.0);
+    }
+
+    /// Whether the wheels' speed can be taken for the vehicle's, with a noise of this standard deviation, m/s.
+    pub fn is_right(&self, noise: f64) -> bool {
+        self.error <= noise
+    }
+
+    /// Standard deviation of white noise, one sample every `dt` seconds, that spoils a speed as much as its own `noise` and
+    /// the slip do, m/s.
+    pub fn noise(&self, noise: f64, dt: f64) -> f64 {
+        if self.error == 0.0 {
+            return noise;
+        }
+        (noise * noise + self.error * self.error * (CORRELATED / dt).max(1.0)).sqrt()
+    }
+
+    /// Whether the numbers can have come from [`update`](Self::update).
+    pub fn is_valid(&self) -> bool {
+        [self.gained, self.error, self.age, self.calm, self.before.unwrap_or_default()].into_iter().all(bounded)
+    }
+}
