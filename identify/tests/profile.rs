@@ -200,7 +200,7 @@ fn a_parameter_whose_profile_has_no_end_is_not_identified() {
         }
         Ok(())
     }
-    let problem = Problem { targets: |_| vec![target("ratio")], estimate, validate: |_| Vec::new() };
+    let problem = Problem { targets: |_| vec![target("ratio")], outliers: &[], estimate, validate: |_| Vec::new() };
     let rows = line([0.35, 4.0], 40, 3);
     let mut log = Log { time: (0..40).map(f64::from).collect(), ..Log::default() };
     log.push("x", (0..40).map(|i| rows.groups[0].row(i)[1]).collect());
@@ -237,7 +237,12 @@ fn the_product_that_the_logs_do_determine_is_said() {
         }
         Ok(())
     }
-    let problem = Problem { targets: |_| ["mass", "height"].map(target).into(), estimate, validate: |_| Vec::new() };
+    let problem = Problem {
+        targets: |_| ["mass", "height"].map(target).into(),
+        outliers: &[],
+        estimate,
+        validate: |_| Vec::new(),
+    };
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let mut log = Log { time: (0..400).map(f64::from).collect(), ..Log::default() };
     let x: Vec<f64> = (0..400).map(|k| (0.31 * f64::from(k)).sin()).collect();

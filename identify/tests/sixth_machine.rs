@@ -285,6 +285,7 @@ static VEHICLE: Vehicle = Vehicle {
             let declared = Parameters::declare();
             ["road.mass", "road.rolling"].map(|name| Target::declared(&declared, name, true)).into()
         },
+        outliers: &[],
         estimate,
         validate: |_| Vec::new(),
     },

@@ -4,6 +4,7 @@ use super::considered::{Cause, causes, pieces};
 use super::findings::{Effect, Findings, Profiled};
 use super::imposed::{Given, Knowledge};
 use super::log_set::LogSet;
+use super::outliers::replaced;
 use super::profiled::{Said, profiles};
 use super::session::Session;
 use super::validate::Judge;
@@ -43,6 +44,8 @@ pub struct Fit<'a> {
     pub given: &'a [Given],
     /// The channels of the logs.
     pub inputs: &'a [Variable],
+    /// Logs that only judge the result.
+    pub held_out: &'a [Log],
 }
 
 /// Reasons against estimates, by the parameter's name.
@@ -176,11 +179,21 @@ pub fn fit(
     if logs.is_empty() {
         return Err(FitError::NoLog);
     }
+    let (logs, outliers) = replaced(logs, problem.outliers);
+    let (logs, (held_out, _)) = (logs.as_ref(), replaced(&request.held_out, problem.outliers));
     let known = request.known_values(declared)?;
     let mut targets = (problem.targets)(logs);
     let given = request.given(&mut targets)?;
     let wanted = request.wanted(&targets)?;
-    let fit = Fit { problem, request, targets: &targets, wanted: &wanted, given: &given, inputs: &declared.inputs };
+    let fit = Fit {
+        problem,
+        request,
+        targets: &targets,
+        wanted: &wanted,
+        given: &given,
+        inputs: &declared.inputs,
+        held_out: &held_out,
+    };
 
     progress.start_shares("fitting");
     let mut set = LogSet::new(&fit, logs, &known)?;
@@ -189,6 +202,7 @@ pub fn fit(
     let mut doubts = Doubts::new();
     let (mut findings, free) = set.settle(joint, &fit, &mut doubts)?;
     findings.warnings.extend(set.warnings.iter().cloned());
+    findings.notes.extend(outliers);
     for name in request.only.iter().filter(|name| request.settings.iter().any(|(given, _)| given == *name)) {
         findings
             .notes

@@ -38,6 +38,7 @@
 //!
 //! let problem = Problem {
 //!     targets: |_| ["chair.mass", "chair.drag"].map(|name| Target::declared(&Parameters::declare(), name, true)).into(),
+//!     outliers: &[],
 //!     estimate,
 //!     validate: |_| Vec::new(),
 //! };
@@ -106,6 +107,8 @@ pub const TRAINING_SHARE: f64 = 0.6;
 pub struct Problem {
     /// Parameters that can be fitted from these logs.
     pub targets: fn(&[Log]) -> Vec<Target>,
+    /// Channels whose outliers are replaced before anything else, see [`outliers`].
+    pub outliers: &'static [&'static str],
     /// Estimates what the task wants.
     pub estimate: fn(&Task, &mut Session) -> Result<(), FitError>,
     /// Predicts measured signals of the task's logs with the task's known parameters, estimates included.

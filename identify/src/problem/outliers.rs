@@ -1,8 +1,40 @@
 //! Outliers of single samples.
 
+use crate::log::Log;
+use std::borrow::Cow;
+
 /// Reach to both sides of the filter, s, and its threshold in robust standard deviations.
 const REACH: f64 = 0.1;
 const THRESHOLD: f64 = 4.0;
+
+/// Share of outliers from which on they are worth a note.
+const MANY: f64 = 0.01;
+
+/// The logs with the outliers of these channels replaced, see [`hampel`], and a note on each log that had many.
+pub fn replaced<'a>(logs: &'a [Log], channels: &[&str]) -> (Cow<'a, [Log]>, Vec<String>) {
+    if channels.is_empty() {
+        return (Cow::Borrowed(logs), Vec::new());
+    }
+    let (mut logs, mut notes) = (logs.to_vec(), Vec::new());
+    for log in &mut logs {
+        let period = log.period();
+        let (mut count, mut all) = (0, 0);
+        for channel in log.channels.iter_mut().filter(|channel| channels.contains(&channel.name.as_str())) {
+            count += hampel(&mut channel.values, period);
+            all += channel.values.len();
+        }
+        let share = count as f64 / all.max(1) as f64;
+        if share > MANY {
+            notes.push(format!(
+                "{:.1} % of the samples of {} in {} were outliers and were replaced by the median around them",
+                100.0 * share,
+                channels.join(", "),
+                log.source
+            ));
+        }
+    }
+    (Cow::Owned(logs), notes)
+}
 
 /// Replaces outliers by the median around them; on raw samples, because every window of a hundred
 /// samples holds some and no robust loss on windows could tell them. Returns how many.

@@ -44,7 +44,7 @@ impl Judge<'_> {
         each_by_itself: bool,
         progress: &Progress,
     ) -> Result<(), FitError> {
-        let held_out = &self.fit.request.held_out;
+        let held_out = self.fit.held_out;
         if !held_out.is_empty() {
             let known = set.first_known().with(self.findings.values()).with_delays(&self.findings.delays);
             self.predict(held_out, used, &known);

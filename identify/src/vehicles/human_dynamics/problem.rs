@@ -21,7 +21,7 @@ use wheelstate::estimator::human_dynamics::{HumanDynamics, Inputs, Outputs, Para
 use wheelstate::{Estimator, Status, Variable, Variables};
 
 /// The problem.
-pub const PROBLEM: Problem = Problem { targets, estimate, validate };
+pub const PROBLEM: Problem = Problem { targets, outliers: &[], estimate, validate };
 
 const PARTS: [(&str, &str); 3] = [("stiffness", "N.m/rad"), ("damping", "N.m.s/rad"), ("rest", "rad")];
 /// Largest standard deviation of the torques, as a share of their own spread, that is still informative.

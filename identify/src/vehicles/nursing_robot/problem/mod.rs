@@ -45,7 +45,7 @@ use wheelstate::Variables;
 use wheelstate::estimator::nursing_robot::Parameters;
 
 /// The problem.
-pub const PROBLEM: Problem = Problem { targets, estimate, validate: validate::validate };
+pub const PROBLEM: Problem = Problem { targets, outliers: &[], estimate, validate: validate::validate };
 
 const PITCH: [&str; 3] = ["human.stiffness_pitch", "human.damping_pitch", "human.rest_pitch"];
 const REST_STD: &str = "human.rest_pitch_std";

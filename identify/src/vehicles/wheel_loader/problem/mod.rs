@@ -40,7 +40,10 @@ use wheelstate::Variables;
 use wheelstate::estimator::wheel_loader::Parameters;
 
 /// The problem.
-pub const PROBLEM: Problem = Problem { targets, estimate, validate };
+pub const PROBLEM: Problem = Problem { targets, outliers: &SPIKED, estimate, validate };
+
+/// A spike of a torque stands on both sides of a row of stage 2 and in its instrument.
+const SPIKED: [&str; 5] = ["torque_front", "torque_rear", "wheel_speed_front", "wheel_speed_rear", "speed"];
 
 const RADII: [&str; 2] = ["loader.wheel_radius_front", "loader.wheel_radius_rear"];
 const ROLLING: &str = "rolling.coefficient";

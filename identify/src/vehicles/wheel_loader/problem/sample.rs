@@ -2,7 +2,6 @@
 
 use super::{CLUSTER, HEIGHT, RADII, RATIO, ROLLING, STIFFNESS};
 use crate::log::Log;
-use crate::problem::outliers::hampel;
 use crate::problem::{FitError, Known};
 use wheelstate::estimator::wheel_loader::Parameters;
 use wheelstate::model::wheel_loader::{Drive, GRAVITY, Loader, WheelLoader};
@@ -89,20 +88,14 @@ pub struct Run {
 }
 
 impl Run {
-    /// From a log, without outliers of torques and speeds; brakes, slope and spading forces may be absent and are then zero.
+    /// From a log; brakes, slope and spading forces may be absent and are then zero.
     pub fn new(log: &Log, machine: &Machine) -> Result<Self, FitError> {
         let zeros = vec![0.0; log.len()];
         let optional = |name: &str| log.channel(name).unwrap_or(&zeros);
         let period = log.period();
-        // A spike of a torque stands on both sides of a row and in its instrument.
-        let clean = |name: &str| -> Result<Vec<f64>, FitError> {
-            let mut values = log.require(name)?.to_vec();
-            hampel(&mut values, period);
-            Ok(values)
-        };
-        let torque = [clean("torque_front")?, clean("torque_rear")?];
-        let wheel = [clean("wheel_speed_front")?, clean("wheel_speed_rear")?];
-        let speed = &clean("speed")?;
+        let torque = [log.require("torque_front")?, log.require("torque_rear")?];
+        let wheel = [log.require("wheel_speed_front")?, log.require("wheel_speed_rear")?];
+        let speed = log.require("speed")?;
         let brake = [optional("brake_front"), optional("brake_rear")];
         let (slope, push, pull) = (optional("slope"), optional("spading_force_x"), optional("spading_force_z"));
         let mut run = Self { samples: Vec::with_capacity(log.len()), period };

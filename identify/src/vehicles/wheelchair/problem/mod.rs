@@ -3,7 +3,7 @@
 //! Force and moment balance in weak form, in one convex program with physical consistency:
 //! `M, D, Fc, IP, B, tauc, ML >= 0`, `ML <= L M` for a lever of at most [`LONGEST_LEVER`], and
 //! `Ic = IP - ML^2 / M >= 0` as the second-order cone `(IP + M, 2 ML, IP - M)`. Outliers of the
-//! accelerometer are removed sample by sample before the windows, see [`hampel`](crate::problem::outliers::hampel).
+//! accelerometer are removed sample by sample before the windows, see [`outliers`](crate::problem::outliers).
 //!
 //! Wheel radius, encoder geometry, accelerometer position and the wheels' spin inertia are known
 //! parameters. What is weak by nature: drag, yaw drag and yaw friction are small shares of the force; a
@@ -22,7 +22,8 @@ use wheelstate::Variables;
 use wheelstate::estimator::wheelchair::Parameters;
 
 /// The problem.
-pub const PROBLEM: Problem = Problem { targets, estimate, validate: validate::validate };
+pub const PROBLEM: Problem =
+    Problem { targets, outliers: &["accel_x", "accel_y"], estimate, validate: validate::validate };
 
 /// Longest plausible lever from the driven axle to the centre of mass, m.
 pub const LONGEST_LEVER: f64 = 1.0;
@@ -88,13 +89,6 @@ fn regression(groups: Vec<crate::solve::Rows>) -> Regression {
 fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     let chair = signals::chair(task.known);
     let logs = windows(task)?;
-    let outliers = logs.iter().map(|log| log.signals.outliers).fold(0.0, f64::max);
-    if outliers > 0.01 {
-        session.note(format!(
-            "{:.1} % of the accelerometer's samples were outliers and were replaced by the median around them",
-            100.0 * outliers
-        ));
-    }
     let Some(fit) = session.solve(&regression(rows::groups(&logs, &chair)), &NAMES)? else { return Ok(()) };
     let limits = Limits { condition_number: CONDITION, ..Limits::default() };
     let usual = Judgement { limits, ..Judgement::default() };

@@ -1,7 +1,6 @@
 //! From a log to the signals of the chair on a uniform time base.
 
 use crate::log::Log;
-use crate::problem::outliers::hampel;
 use crate::problem::{FitError, Known};
 use wheelstate::estimator::wheelchair::Parameters;
 use wheelstate::model::wheelchair::{Chair, wheel_travel};
@@ -26,16 +25,14 @@ pub struct Signals {
     pub yaw_rate: Vec<f64>,
     /// Smooth signs of speed and yaw rate.
     pub sense: [Vec<f64>; 2],
-    /// Forward specific force, m/s2, without outliers.
+    /// Forward specific force, m/s2.
     pub forward: Vec<f64>,
-    /// Specific force to the left, m/s2, without outliers.
+    /// Specific force to the left, m/s2.
     pub left: Vec<f64>,
     /// Drive force, N.
     pub force: Vec<f64>,
     /// Drive moment, N m.
     pub moment: Vec<f64>,
-    /// Share of the accelerometer's samples that were outliers.
-    pub outliers: f64,
 }
 
 impl Signals {
@@ -72,8 +69,6 @@ pub fn signals(log: &Log, chair: &Chair) -> Result<Signals, FitError> {
         travel.push(reference + chair.reference_offset() * (turned - chair.heading_reference));
         heading.push(turned);
     }
-    let (mut forward, mut sideways) = (channel("accel_x"), channel("accel_y"));
-    let replaced = hampel(&mut forward, period) + hampel(&mut sideways, period);
     let (speed, yaw_rate) = (slope_of_mean(&travel, period), slope_of_mean(&heading, period));
     let sense = |values: &[f64], width: f64| values.iter().map(|value| (value / width).tanh()).collect();
     Ok(Signals {
@@ -84,9 +79,8 @@ pub fn signals(log: &Log, chair: &Chair) -> Result<Signals, FitError> {
         yaw_rate,
         travel,
         heading,
-        outliers: replaced as f64 / (2 * log.len()).max(1) as f64,
-        forward,
-        left: sideways,
+        forward: channel("accel_x"),
+        left: channel("accel_y"),
         force: channel("drive_force"),
         moment: channel("drive_moment"),
     })
@@ -123,6 +117,7 @@ fn slope_of_mean(x: &[f64], period: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::problem::outliers::hampel;
     use std::f64::consts::{PI, TAU};
 
     #[test]

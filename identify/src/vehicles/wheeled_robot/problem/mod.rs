@@ -34,7 +34,7 @@ use wheelstate::model::tire::{Tire, Tires};
 use wheelstate::model::wheeled_robot::{GRAVITY, WheeledRobot};
 
 /// The problem.
-pub const PROBLEM: Problem = Problem { targets, estimate, validate };
+pub const PROBLEM: Problem = Problem { targets, outliers: &[], estimate, validate };
 
 const AXLES: [&str; 2] = ["front", "rear"];
 const TIRE: [&str; 4] = ["stiffness", "shape", "friction", "curvature"];
