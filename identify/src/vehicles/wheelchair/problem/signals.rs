@@ -1,12 +1,15 @@
 //! From a log to the signals of the chair on a uniform time base.
 
 use crate::log::Log;
+use crate::problem::noise::noise_of;
 use crate::problem::{FitError, Known};
 use wheelstate::estimator::wheelchair::Parameters;
 use wheelstate::model::wheelchair::{Chair, wheel_travel};
 
-/// Reach to both sides of the running mean whose slope gives speed and yaw rate where products of them are needed, s.
+/// Largest reach to both sides of the running mean whose slope gives speed and yaw rate where products and signs of them
+/// are needed, s, and the noise that is left in them as a share of the width of the smooth sign.
 const MEAN_REACH: f64 = 0.1;
+const LEFT_NOISE: f64 = 0.01;
 
 /// Signals of one log; NaN is missing.
 #[derive(Clone, Debug, Default)]
@@ -69,12 +72,14 @@ pub fn signals(log: &Log, chair: &Chair) -> Result<Signals, FitError> {
         travel.push(reference + chair.reference_offset() * (turned - chair.heading_reference));
         heading.push(turned);
     }
-    let (speed, yaw_rate) = (slope_of_mean(&travel, period), slope_of_mean(&heading, period));
+    let widths = [chair.rolling.smoothing_speed, chair.rolling.smoothing_yaw_rate];
+    let [speed, yaw_rate] = [(&travel, widths[0]), (&heading, widths[1])]
+        .map(|(x, width)| slope_of_mean(x, period, reach(x, period, width)));
     let sense = |values: &[f64], width: f64| values.iter().map(|value| (value / width).tanh()).collect();
     Ok(Signals {
         period,
         start: log.time.first().copied().unwrap_or(0.0),
-        sense: [sense(&speed, chair.rolling.smoothing_speed), sense(&yaw_rate, chair.rolling.smoothing_yaw_rate)],
+        sense: [sense(&speed, widths[0]), sense(&yaw_rate, widths[1])],
         speed,
         yaw_rate,
         travel,
@@ -91,12 +96,20 @@ fn samples(seconds: f64, period: f64) -> usize {
     ((seconds / period).round() as usize).max(1)
 }
 
+/// Samples to both sides that a running mean needs: as few as leave a noise that hardly matters in a sign of this width,
+/// since every mean rounds off the sign's changes too.
+fn reach(x: &[f64], period: f64, width: f64) -> usize {
+    let (most, noise) = (samples(MEAN_REACH, period), noise_of(x));
+    let left = |reach: usize| 1.5 * noise / ((2 * reach + 1) as f64 * period);
+    (1..most).find(|reach| left(*reach) < LEFT_NOISE * width).unwrap_or(most)
+}
+
 /// Smoothed slope: that of the running mean by central differences, one-sided at the ends, and once more of what the mean
 /// took away (Tukey's twicing), `2 S x - S S x`: a motion of frequency `f` is left as `1 - (1 - sinc(f T))^2` of itself,
 /// an error of fourth order, at one and a half times the noise. No Savitzky-Golay fit, which is several times as noisy at
 /// the ends as within.
-fn slope_of_mean(x: &[f64], period: f64) -> Vec<f64> {
-    let (n, reach) = (x.len(), samples(MEAN_REACH, period));
+fn slope_of_mean(x: &[f64], period: f64, reach: usize) -> Vec<f64> {
+    let n = x.len();
     let mean = |x: &[f64]| -> Vec<f64> {
         let around = |i: usize| &x[i.saturating_sub(reach)..(i + reach + 1).min(n)];
         (0..n).map(|i| around(i).iter().sum::<f64>() / around(i).len() as f64).collect()
@@ -123,7 +136,7 @@ mod tests {
     #[test]
     fn the_slope_of_a_ramp_is_its_slope() {
         let x: Vec<f64> = (0..100).map(|i| 0.3 * 0.01 * f64::from(i)).collect();
-        let slope = slope_of_mean(&x, 0.01);
+        let slope = slope_of_mean(&x, 0.01, 10);
         assert!(slope[15..85].iter().all(|v| (v - 0.3).abs() < 1e-9));
     }
 
@@ -135,8 +148,8 @@ mod tests {
             let (period, samples) = (1.0 / rate, (4.0 * rate) as usize);
             let motion = |i: usize| (TAU * frequency * i as f64 * period).sin();
             let position: Vec<f64> = (0..samples).map(motion).collect();
-            let size =
-                slope_of_mean(&position, period)[samples / 4..3 * samples / 4].iter().fold(0.0_f64, |a, b| a.max(*b));
+            let slope = slope_of_mean(&position, period, (MEAN_REACH * rate) as usize);
+            let size = slope[samples / 4..3 * samples / 4].iter().fold(0.0_f64, |a, b| a.max(*b));
             let over = PI * frequency * (2.0 * MEAN_REACH + period);
             let expected = TAU * frequency * (1.0 - (1.0 - over.sin() / over).powi(2));
             assert!((size / expected - 1.0).abs() < 0.02, "{rate} Hz: {size} instead of {expected}");
