@@ -31,9 +31,9 @@ struct Machine {
     known: &'static [(&'static str, &'static str)],
     /// Channels that are late together, `*` at the end standing for any text.
     devices: &'static [&'static [&'static str]],
-    /// Channels with a gain, channels with a bias and how large it is, a known mass.
+    /// Channels with a gain, channels with a bias and how large it is in each direction, a known mass.
     gain: &'static [&'static str],
-    bias: (&'static str, f64),
+    bias: &'static [(&'static str, &'static [f64])],
     mass: &'static str,
 }
 
@@ -107,6 +107,9 @@ fn loader(log: &Log) -> BTreeMap<String, f64> {
     of_channels(log, &names)
 }
 
+/// Biases of accelerometers, m/s2: calibrated, as delivered, mounted with 2 and 3.5 degrees of tilt.
+const ACCELERATIONS: &[f64] = &[0.05, 0.1, 0.3, 0.6];
+
 const MACHINES: [Machine; 5] = [
     Machine {
         name: "nursing-robot",
@@ -119,7 +122,7 @@ const MACHINES: [Machine; 5] = [
         ],
         devices: &[&["tilt", "tilt_rate"], &["roll", "roll_rate"], &["speed"], &["torque_left", "torque_right"]],
         gain: &["torque_left", "torque_right"],
-        bias: ("tilt", 0.01),
+        bias: &[("tilt", &[0.01]), ("accel_x", ACCELERATIONS)],
         mass: "human.nominal_mass",
     },
     Machine {
@@ -129,7 +132,7 @@ const MACHINES: [Machine; 5] = [
         known: &[],
         devices: &[&["drive_force", "drive_moment"], &["accel_x", "accel_y", "accel_z", "gyro_z"]],
         gain: &["drive_force"],
-        bias: ("accel_x", 0.05),
+        bias: &[("accel_x", ACCELERATIONS), ("accel_y", ACCELERATIONS)],
         mass: "chair.wheel_radius",
     },
     Machine {
@@ -139,7 +142,7 @@ const MACHINES: [Machine; 5] = [
         known: &[],
         devices: &[&["speed"], &["torque_front", "torque_rear"], &["wheel_speed_front", "wheel_speed_rear"]],
         gain: &["torque_front", "torque_rear"],
-        bias: ("slope", 0.01),
+        bias: &[("slope", &[0.005, 0.01, 0.03])],
         mass: "loader.mass",
     },
     Machine {
@@ -155,7 +158,13 @@ const MACHINES: [Machine; 5] = [
             &["drive_torque_*"],
         ],
         gain: &["drive_torque_*"],
-        bias: ("accel_x", 0.05),
+        bias: &[
+            ("accel_x", ACCELERATIONS),
+            ("accel_y", ACCELERATIONS),
+            ("gyro_z", &[0.005, 0.02, 0.05]),
+            ("speed_y", &[0.02, 0.1]),
+            ("steering_angle", &[0.01, 0.03]),
+        ],
         mass: "vehicle.mass",
     },
     Machine {
@@ -165,7 +174,7 @@ const MACHINES: [Machine; 5] = [
         known: &[],
         devices: &[&["q_*", "qd_*"], &["seat_*"], &["right_hand_*", "left_hand_*"], &["base_*"]],
         gain: &["seat_*"],
-        bias: ("base_gyro_y", 0.01),
+        bias: &[("base_gyro_y", &[0.01])],
         mass: "body.mass",
     },
 ];
@@ -178,7 +187,8 @@ enum Damage {
     /// A device so many milliseconds.
     Late(usize, u32),
     Gain,
-    Bias,
+    /// A channel by so much.
+    Bias(&'static str, f64),
     Known,
     Jitter,
     Quantised,
@@ -190,12 +200,17 @@ enum Damage {
 }
 
 impl Damage {
+    /// The largest bias only where there are few delays.
     fn all(machine: &Machine, delays: &[u32]) -> Vec<Self> {
         let mut all = vec![Self::White, Self::Coloured(0.5), Self::Coloured(0.95)];
         for device in 0..machine.devices.len() {
             all.extend(delays.iter().map(|ms| Self::Late(device, *ms)));
         }
-        all.extend([Self::Gain, Self::Bias, Self::Known, Self::Jitter, Self::Quantised, Self::Dropped, Self::Spikes]);
+        for (channel, sizes) in machine.bias {
+            let sizes = if delays.len() > 1 { *sizes } else { &sizes[sizes.len() - 1..] };
+            all.extend(sizes.iter().flat_map(|size| [*size, -size]).map(|size| Self::Bias(channel, size)));
+        }
+        all.extend([Self::Gain, Self::Known, Self::Jitter, Self::Quantised, Self::Dropped, Self::Spikes]);
         // Logs of robot and body last 10 and 8 s.
         let short = matches!(machine.name, "wheeled-robot" | "human-dynamics");
         all.extend([3.0, 5.0, 10.0].into_iter().filter(|s| !short || *s < 8.0).map(Self::First));
@@ -210,7 +225,7 @@ impl Damage {
             Self::Coloured(rho) => format!("AR(1) {rho}"),
             Self::Late(device, ms) => format!("{} {ms} ms late", machine.devices[device][0]),
             Self::Gain => format!("{} gain +2 %", machine.gain[0]),
-            Self::Bias => format!("{} +{}", machine.bias.0, machine.bias.1),
+            Self::Bias(channel, size) => format!("{channel} {size:+}"),
             Self::Known => format!("{} +5 %", machine.mass),
             Self::First(seconds) => format!("first {seconds} s"),
             other => format!("{other:?}").to_lowercase(),
@@ -248,9 +263,9 @@ impl Damage {
                 let channels = log.channels.iter_mut().filter(|c| belongs(&c.name, machine.gain));
                 channels.for_each(|channel| channel.values.iter_mut().for_each(|value| *value *= 1.02));
             }
-            Self::Bias => {
-                let channels = log.channels.iter_mut().filter(|c| c.name == machine.bias.0);
-                channels.for_each(|channel| channel.values.iter_mut().for_each(|value| *value += machine.bias.1));
+            Self::Bias(name, size) => {
+                let channels = log.channels.iter_mut().filter(|c| c.name == name);
+                channels.for_each(|channel| channel.values.iter_mut().for_each(|value| *value += size));
             }
             Self::Jitter => {
                 log.time.iter_mut().for_each(|time| *time += 0.002 * (rng.random::<f64>() - 0.5) * 2.0);
@@ -327,7 +342,7 @@ fn outcome(machine: &Machine, damage: Damage, seed: u64) -> Outcome {
     let Ok(report) = vehicle.fit(&logs, &request, &Progress::none()) else {
         return Outcome { errors: Vec::new(), warns: true };
     };
-    let shifts = |name: &str| name.contains("rest_") && matches!(damage, Damage::OtherRest | Damage::Bias);
+    let shifts = |name: &str| name.contains("rest_") && matches!(damage, Damage::OtherRest | Damage::Bias(..));
     let errors = report.identified().filter(|(name, _)| !shifts(name)).filter_map(|(name, parameter)| {
         let error = parameter.value - truth.get(name)?;
         // A value that was kept as given has no noise of its own.

@@ -5,7 +5,8 @@
 //! to one standard deviation. The effects widen the intervals (a consider covariance): independent causes add their
 //! squares, and one cause moves all estimates together.
 
-use super::{FitRequest, Known};
+use super::findings::Offset;
+use super::{Declared, FitRequest, Known};
 use crate::log::{Channel, Log};
 use std::collections::BTreeMap;
 use wheelstate::Variable;
@@ -111,32 +112,40 @@ fn given(request: &FitRequest, present: &[(&str, &str)]) -> Result<BTreeMap<(Str
     Ok(all)
 }
 
-/// All causes that may move estimates from these logs.
+/// All causes that may move estimates from these logs, which show some `offsets` of channels: a bias is as likely as not
+/// as large as its channel's.
 pub fn causes(
     logs: &[Log],
-    inputs: &[Variable],
-    declared: &[Variable],
+    declared: &Declared,
     known: &Known,
     request: &FitRequest,
     wanted: &[String],
+    offsets: &[Offset],
 ) -> Result<Vec<Cause>, String> {
     let holds = |name: &str| {
         logs.iter().any(|log| log.channel(name).is_some_and(|values| values.iter().any(|value| value.is_finite())))
     };
-    let present: Vec<(&str, &str)> =
-        inputs.iter().filter(|input| holds(&input.name)).map(|input| (input.name.as_str(), input.unit)).collect();
+    let present: Vec<(&str, &str)> = declared
+        .inputs
+        .iter()
+        .filter(|input| holds(&input.name))
+        .map(|input| (input.name.as_str(), input.unit))
+        .collect();
     let given = given(request, &present)?;
     let std_of = |channel: &str, what: &str, usual: f64| {
         let of = |name: &str| given.get(&(name.to_owned(), what.to_owned())).copied();
         of(channel).or_else(|| of(device(channel))).unwrap_or(usual)
     };
+    // Exact sensors are taken at their word until a log contradicts it.
+    let apparent =
+        |channel: &str| Offset::size(offsets.iter().filter(|o| o.channel == channel && (o.shows() || !request.exact)));
     let mut devices: Vec<(&str, Vec<(&str, Quality)>)> = Vec::new();
     for (name, unit) in &present {
         let exact = Quality { gain: 0.0, bias: 0.0, delay: 0.0 };
         let usual = if request.exact { exact } else { quality(name, unit).unwrap_or(exact) };
         let quality = Quality {
             gain: std_of(name, "gain_std", usual.gain),
-            bias: std_of(name, "bias_std", usual.bias),
+            bias: std_of(name, "bias_std", usual.bias).hypot(apparent(name)),
             delay: std_of(name, "delay_std", usual.delay),
         };
         match devices.iter_mut().find(|(device_name, _)| *device_name == device(name)) {
@@ -170,15 +179,19 @@ pub fn causes(
         let bias = largest(&|quality| quality.bias);
         if channels.len() > MANY && bias > 0.0 {
             let change = Change::Bias(names(&|quality| quality.bias), bias);
-            all.push(Cause { name: format!("bias of {label} (+-{bias})"), steps: 1.0, change });
+            all.push(Cause { name: format!("bias of {label} (+-{})", (1e4 * bias).round() / 1e4), steps: 1.0, change });
             continue;
         }
         for (channel, quality) in channels.iter().filter(|(_, quality)| quality.bias > 0.0) {
             let change = Change::Bias(vec![(*channel).to_owned()], quality.bias);
-            all.push(Cause { name: format!("bias of {channel} (+-{})", quality.bias), steps: 1.0, change });
+            all.push(Cause {
+                name: format!("bias of {channel} (+-{})", (1e4 * quality.bias).round() / 1e4),
+                steps: 1.0,
+                change,
+            });
         }
     }
-    for variable in declared.iter().filter(|variable| !wanted.contains(&variable.name)) {
+    for variable in declared.parameters.iter().filter(|variable| !wanted.contains(&variable.name)) {
         let value = known.get(&variable.name);
         let told = request.known.iter().find(|(name, ..)| *name == variable.name).map(|(_, _, std)| *std);
         let usual = if request.exact { None } else { known_std(variable, value) };

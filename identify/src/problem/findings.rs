@@ -7,7 +7,7 @@ use crate::solve::profile::Curve;
 use nalgebra::{DMatrix, DVector};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Standard errors from which on a fitted delay is worth a note.
+/// Standard errors from which on a fitted delay or an offset is worth a note.
 const SHOWN: f64 = 3.0;
 /// Relative standard error below which a product of parameters counts as determined.
 const KNOWN: f64 = 0.1;
@@ -49,6 +49,51 @@ impl Found {
     }
 }
 
+/// How much larger a channel is, in the mean over a log, than what other channels say of the same quantity: its bias, or
+/// what both sides feel differently, as an accelerometer a slope.
+#[derive(Clone, Debug)]
+pub struct Offset {
+    /// The log.
+    pub log: String,
+    /// The channel.
+    pub channel: String,
+    /// The channel's unit.
+    pub unit: &'static str,
+    /// What it is compared with, in words.
+    pub against: String,
+    /// The difference.
+    pub value: f64,
+    /// Its standard error.
+    pub std_error: f64,
+}
+
+impl Offset {
+    /// From differences, each with the number of its cluster, of a log that is still to be named; none with fewer than
+    /// three clusters. The clusters' means count as independent.
+    pub fn of_clusters(values: &[(u32, f64)], channel: &str, unit: &'static str, against: &str) -> Option<Self> {
+        let values: Vec<(u32, f64)> = values.iter().filter(|(_, x)| x.is_finite()).copied().collect();
+        let mean = |of: &[(u32, f64)]| of.iter().map(|(_, x)| x).sum::<f64>() / of.len() as f64;
+        let means: Vec<f64> = values.chunk_by(|a, b| a.0 == b.0).map(mean).collect();
+        let n = means.len() as f64;
+        let value = means.iter().sum::<f64>() / n;
+        let squares: f64 = means.iter().map(|x| (x - value).powi(2)).sum();
+        let std_error = (squares / (n * (n - 1.0))).sqrt();
+        let [channel, against] = [channel, against].map(str::to_owned);
+        (n >= 3.0).then_some(Self { log: String::new(), channel, unit, against, value, std_error })
+    }
+
+    /// Root mean square of those of several logs; 0 of none.
+    pub fn size<'a>(offsets: impl Iterator<Item = &'a Self>) -> f64 {
+        let (sum, count) = offsets.fold((0.0, 0.0_f64), |(sum, count), o| (sum + o.value * o.value, count + 1.0));
+        (sum / count.max(1.0)).sqrt()
+    }
+
+    /// Whether it is more than noise.
+    pub fn shows(&self) -> bool {
+        self.value.abs() > SHOWN * self.std_error
+    }
+}
+
 /// All that was found.
 #[derive(Clone, Debug)]
 pub struct Findings {
@@ -58,6 +103,8 @@ pub struct Findings {
     pub covariance: DMatrix<f64>,
     /// Delays that were fitted along.
     pub delays: Vec<Delay>,
+    /// What channels differ by from others.
+    pub offsets: Vec<Offset>,
     /// The profiles that were asked for.
     pub profiles: Vec<Profiled>,
     /// What was decided by the data, see [`Session::decide`](super::Session::decide).
@@ -186,6 +233,7 @@ impl Findings {
             FitReport { warnings: self.warnings.clone(), notes: self.notes.clone(), ..FitReport::default() };
         report.notes.extend(self.note_on_bias());
         report.notes.extend(self.notes_on_delays());
+        report.notes.extend(self.notes_on_offsets());
         report.delays = self.delays.clone();
         let errors = self.errors(effects);
         let mut mostly: BTreeMap<String, Vec<&str>> = BTreeMap::new();
@@ -390,6 +438,20 @@ impl Findings {
                 ms - half,
                 ms + half,
                 delay.against
+            )
+        })
+    }
+
+    /// Offsets that the logs show.
+    fn notes_on_offsets(&self) -> impl Iterator<Item = String> {
+        self.offsets.iter().filter(|offset| offset.shows()).map(|offset| {
+            let Offset { log, channel, unit, against, value, std_error } = offset;
+            let more = if *value > 0.0 { "more" } else { "less" };
+            format!(
+                "{channel} of {log} is in the mean {:.3} {unit} (+-{:.3}) {more} than {against}: a bias, a tilt of the sensor or a \
+                 slope; the intervals allow for that much",
+                value.abs(),
+                std_error
             )
         })
     }

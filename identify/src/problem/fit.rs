@@ -210,8 +210,7 @@ pub fn fit(
     }
 
     progress.describe("considering what the logs do not show");
-    let mut causes =
-        causes(&used, &declared.inputs, &declared.parameters, &known, request, &wanted).map_err(FitError::Request)?;
+    let mut causes = causes(&used, declared, &known, request, &wanted, &findings.offsets).map_err(FitError::Request)?;
     // The estimates have in them what a delay that was fitted along does not tell.
     causes.retain(|cause| !findings.delays.iter().any(|delay| cause.delays(&delay.channel)));
     let effects = fit.effects(&used, set.first_known(), &causes, &findings);

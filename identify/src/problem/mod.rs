@@ -89,6 +89,7 @@ pub mod weak_form;
 
 pub use crate::assess::validation::Prediction;
 pub use considered::{Quality, quality};
+pub use findings::Offset;
 pub use fit::{Declared, fit};
 pub use known::Known;
 pub use request::FitRequest;

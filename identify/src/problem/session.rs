@@ -1,6 +1,6 @@
 //! What a problem's `estimate` works with: solves, records estimates, and turns all of it into a report.
 
-use super::findings::{Findings, Found};
+use super::findings::{Findings, Found, Offset};
 use super::imposed::{Given, Imposition, Knowledge, impose};
 use super::{FitError, FitRequest, Target};
 use crate::assess::Limits;
@@ -55,6 +55,7 @@ pub struct Session<'a> {
     impositions: Vec<Imposition>,
     estimates: Vec<Estimate>,
     delays: Vec<Delay>,
+    offsets: Vec<Offset>,
     decisions: BTreeMap<String, bool>,
     given_up: BTreeMap<String, String>,
     warnings: Vec<String>,
@@ -74,6 +75,7 @@ impl<'a> Session<'a> {
             impositions: Vec::new(),
             estimates: Vec::new(),
             delays: Vec::new(),
+            offsets: Vec::new(),
             decisions: BTreeMap::new(),
             given_up: BTreeMap::new(),
             warnings: Vec::new(),
@@ -233,6 +235,17 @@ impl<'a> Session<'a> {
             value,
             std_error: variance.sqrt() * student(solution.degrees_of_freedom),
         });
+    }
+
+    /// Records how much larger a channel of a log is than others say, in the mean. The bias that is considered for the channel
+    /// is at least that large.
+    pub fn offset(&mut self, offset: Offset) {
+        self.offsets.push(offset);
+    }
+
+    /// What was recorded with [`offset`](Self::offset).
+    pub fn offsets(&self) -> &[Offset] {
+        &self.offsets
     }
 
     /// Value and gradient of a smooth function of a solution's unknowns.
@@ -469,6 +482,7 @@ impl<'a> Session<'a> {
             found: kept.iter().map(|(estimate, target)| self.found(estimate, target.range)).collect(),
             covariance,
             delays: self.delays.clone(),
+            offsets: self.offsets.clone(),
             profiles: Vec::new(),
             decisions: self.decisions.clone(),
             given_up: self.given_up.clone(),

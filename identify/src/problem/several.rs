@@ -145,6 +145,7 @@ pub fn combine(logs: &[&Findings], free: &BTreeSet<String>) -> Option<Findings> 
     found.iter().all(|found| found.value.is_finite()).then(|| Findings {
         covariance,
         delays: logs.iter().flat_map(|log| &log.delays).cloned().collect(),
+        offsets: logs.iter().flat_map(|log| &log.offsets).cloned().collect(),
         profiles: Vec::new(),
         decisions: logs.iter().flat_map(|log| log.decisions.clone()).collect(),
         given_up,

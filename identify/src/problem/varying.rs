@@ -298,6 +298,7 @@ fn findings(logs: &[&Findings], design: &Design, squares: &GeneralisedLeastSquar
         almost: logs.iter().any(|log| log.almost),
         corrected: logs.iter().all(|log| log.corrected),
         delays: logs.iter().flat_map(|log| &log.delays).cloned().collect(),
+        offsets: logs.iter().flat_map(|log| &log.offsets).cloned().collect(),
         profiles: Vec::new(),
         decisions: logs.iter().flat_map(|log| log.decisions.clone()).collect(),
         given_up: Default::default(),

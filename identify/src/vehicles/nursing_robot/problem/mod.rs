@@ -23,7 +23,8 @@
 //! The person's mass, size and swaying share, the robot and the air drag are known parameters. With an
 //! `accel_x` channel the mass fits use the specific force, so slopes cancel (unless
 //! `mass.use_accelerometer` is set to false); a constant accelerometer bias is then part of
-//! `rolling.coefficient` (0.01 m/s2 make 0.001), in the fit as in the online estimator.
+//! `rolling.coefficient` (0.01 m/s2 make 0.001), in the fit as in the online estimator. What it differs by from the change of
+//! the speed, in the mean over a log, is a bias or a slope: the interval contains that much.
 
 mod noise;
 pub mod refine;
@@ -35,7 +36,7 @@ mod validate;
 use crate::assess::Limits;
 use crate::log::Log;
 use crate::problem::weak_form::ModulatingFunction;
-use crate::problem::{FitError, Fitted, Judgement, Known, Problem, Session, Target, Task};
+use crate::problem::{FitError, Fitted, Judgement, Known, Offset, Problem, Session, Target, Task};
 use crate::progress::Progress;
 use crate::solve::{Regression, Rows, Unknown};
 use refine::{Segment, Setup};
@@ -168,6 +169,12 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     for name in PITCH.iter().chain(&ROLL).filter(|_| !seated) {
         session.give_up(name, "human.nominal_mass or human.swaying_fraction is 0, so nothing sways");
     }
+    // What differs between two fits is no news of the sensors.
+    for (log, source) in logs.iter().zip(task.logs).filter(|_| !task.coarse) {
+        if let Some(offset) = apparent_slope(&log.sway(Progress::none())) {
+            session.offset(Offset { log: source.source.clone(), ..offset });
+        }
+    }
     // Without tilt the sway force comes from the passive model driven by the measured speed.
     for log in logs.iter_mut().filter(|log| log.signals.pitch.is_empty() && seated) {
         log.signals.pitch = sway::pitch_from_speed(&log.signals, &body, &hip);
@@ -179,6 +186,21 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     } else {
         Ok(())
     }
+}
+
+/// How much larger the specific force is in the mean than the change of the speed says: a slope, or a biased accelerometer.
+fn apparent_slope(windows: &Windows) -> Option<Offset> {
+    let s = windows.signals;
+    if s.accel.is_empty() {
+        return None;
+    }
+    let difference = |at: usize| {
+        let int = |order: usize, x: &[f64]| windows.psi.integral(order, at, |i| x[i]);
+        (int(0, &s.accel) + int(1, &s.speed)) / windows.psi.integral(0, at, |_| 1.0)
+    };
+    let of = |(index, at): (usize, usize)| ((index / windows.cluster) as u32, difference(at));
+    let values: Vec<(u32, f64)> = windows.starts().enumerate().map(of).collect();
+    Offset::of_clusters(&values, "accel_x", "m/s2", "the change of the speed says")
 }
 
 fn check_mass_request(task: &Task) -> Result<(), FitError> {
@@ -369,7 +391,9 @@ fn force_balance(
     let Some(fit) = session.solve(&regression("force balance", sought, all), &[ROLLING, EFFICIENCY])? else {
         return Ok(());
     };
-    session.estimate_judged(ROLLING, fit, level_floor(if task.exact { 0.0 } else { FLOOR_SLOPE }), |x| x[0]);
+    let floor = if task.exact { 0.0 } else { FLOOR_SLOPE };
+    let slope = Offset::size(session.offsets().iter()) / GRAVITY;
+    session.estimate_judged(ROLLING, fit, level_floor(floor.hypot(slope)), |x| x[0]);
     if unknowns == Drive::RollingEfficiency {
         session.estimate(EFFICIENCY, fit, |x| x[1]);
     }

@@ -12,10 +12,20 @@
 //! The unequal forces of the steered wheels turn the vehicle too, most where parallel wheels scrub in a
 //! tight bend.
 //!
+//! The accelerations are compared with what the speeds say of them, in the mean over the log:
+//!
+//! ```text
+//! ax - (vx' - r vy) = bias + g sin(slope along),   ay - (vy' + r vx) = bias + g sin(slope across)
+//! ```
+//!
+//! The balances hold on any slope, since an accelerometer and the wheels feel it alike, but not with a bias; the two cannot
+//! be distinguished.
+//!
 //! Longitudinal wheel forces come from `wheel_force_x_*` channels where a log has them, else from torques
 //! and wheel speeds through the sliding-mode observer, else from the longitudinal acceleration.
 
 use crate::log::{Log, LogError};
+use crate::problem::Offset;
 use wheelstate::estimator::wheeled_robot::Parameters;
 use wheelstate::filter::sliding_mode::SlidingMode;
 use wheelstate::model::wheeled_robot::{Drive, GRAVITY, WheeledRobot, wheel_torque};
@@ -82,6 +92,8 @@ pub struct Axles {
     pub balance: Vec<Balance>,
     /// Where the longitudinal forces come from.
     pub forces_from: &'static str,
+    /// The measured accelerations compared with the speeds.
+    pub beyond: Vec<Offset>,
 }
 
 /// Reads a log. Needs `steering_angle`, `accel_y`, `gyro_z`, `speed_y`, and `speed_x` or `speed`.
@@ -100,6 +112,8 @@ pub fn axles(log: &Log, p: &Parameters) -> Result<Axles, LogError> {
     let accel_y = smooth(log.require("accel_y")?);
     let accel_x = log.channel("accel_x").map_or_else(|| derivative(&speed, &log.time), smooth);
     let turn = derivative(&gyro, &log.time);
+    let (speed_rate, lateral_rate) = (derivative(&speed, &log.time), derivative(&lateral_speed, &log.time));
+    let mut beyond = [Vec::new(), Vec::new()];
     let model = WheeledRobot::new(&p.vehicle, &p.tire, p.filter.minimum_speed);
     let (forces, forces_from) = forces(log, p, &model, &accel_x);
     let forces = forces.map(|force| smooth(&force));
@@ -126,6 +140,8 @@ pub fn axles(log: &Log, p: &Parameters) -> Result<Axles, LogError> {
         if !finite || speed[k].abs() < LEAST_SPEED.max(p.filter.minimum_speed) {
             continue;
         }
+        beyond[0].push((cluster, ax - (speed_rate[k] - r * lateral_speed[k])));
+        beyond[1].push((cluster, ay - (lateral_rate[k] + r * speed[k])));
         let slip = model.driven(&Drive::new(delta, fx)).slip_angles(&x);
         let load = model.loads(ax, ay);
         let instant = Instant {
@@ -149,6 +165,10 @@ pub fn axles(log: &Log, p: &Parameters) -> Result<Axles, LogError> {
             let weight = v.mass * GRAVITY * direction;
             axles.balance.push(Balance { weight, missing: torque_force[k] - seen, cluster });
         }
+    }
+    let against = ["the change of the speed says", "the turn and the change of speed_y say"];
+    for (index, channel) in ["accel_x", "accel_y"].into_iter().enumerate().filter(|(_, c)| log.channel(c).is_some()) {
+        axles.beyond.extend(Offset::of_clusters(&beyond[index], channel, "m/s2", against[index]));
     }
     Ok(axles)
 }

@@ -20,7 +20,7 @@ pub mod axles;
 
 use crate::assess::Limits;
 use crate::log::{Log, LogError};
-use crate::problem::{FitError, Fitted, Judgement, Prediction, Problem, Session, Target, Task};
+use crate::problem::{FitError, Fitted, Judgement, Offset, Prediction, Problem, Session, Target, Task};
 use crate::progress::Progress;
 use crate::result::Trace;
 use crate::solve::{
@@ -56,6 +56,8 @@ const WIDTHS: [(usize, &str, f64); 2] = [(0, "stiffness_std", 0.15), (2, "fricti
 /// Share of the instants in which an axle must pull more than friction times load to contradict the friction: noise and
 /// bumps do in some.
 const BEYOND: f64 = 0.01;
+/// Slope of ground that is taken as level, rad: without an accelerometer it is part of the rolling resistance.
+const FLOOR_SLOPE: f64 = 0.005;
 /// Fewer instants than this say nothing about a tyre.
 const LEAST_INSTANTS: usize = 30;
 
@@ -100,6 +102,9 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     }
     let mut sources: Vec<&str> = logs.iter().map(|log| log.forces_from).collect();
     sources.dedup();
+    for (log, source) in logs.iter().zip(task.logs) {
+        log.beyond.iter().for_each(|offset| session.offset(Offset { log: source.source.clone(), ..offset.clone() }));
+    }
     session.note(format!("longitudinal wheel forces from {}", sources.join("; and from ")));
     if task.wants(ROLLING) {
         rolling(task, &logs, session)?;
@@ -342,12 +347,16 @@ fn rolling(task: &Task, logs: &[Axles], session: &mut Session) -> Result<(), Fit
         constraints: Vec::new(),
     };
     if let Some(fit) = session.solve(&regression, &[ROLLING])? {
-        // zero is a natural value; an accelerometer's bias of 0.01 m/s2 looks like 0.001
+        // zero is a natural value
         let limits = Limits { absolute_error: Some(0.003), ..Limits::default() };
-        let judgement = Judgement { limits, systematic_std: 0.001, ..Judgement::default() };
+        let offsets = || logs.iter().flat_map(|log| &log.beyond).filter(|offset| offset.channel == "accel_x");
+        let felt = offsets().count() == logs.len();
+        let bias = task.quality("accel_x").bias.hypot(Offset::size(offsets()));
+        let systematic_std = if felt || task.exact { 0.001 } else { FLOOR_SLOPE };
+        let judgement = Judgement { limits, systematic_std, ..Judgement::default() };
         session.estimate_judged(ROLLING, fit, judgement, |theta| theta[0]);
         let (value, std) = (session.value(ROLLING), session.std_error(ROLLING));
-        let std = std.unwrap_or(0.0).hypot(task.quality("accel_x").bias / GRAVITY);
+        let std = std.unwrap_or(0.0).hypot(bias / GRAVITY);
         // Beyond that it stays what it is: below its range, where it contradicts the model.
         let unseen = value.is_some_and(|value| value <= 0.0 && value > -2.0 * std);
         if session.decide("the rolling resistance is too small to be seen", unseen) {
