@@ -167,7 +167,9 @@ fn near_the_estimate_every_profile_is_the_parabola_of_its_interval() {
             assert_eq!(report.profiles.len(), 2, "{machine}: {:?}", report.warnings);
             for profile in &report.profiles {
                 let what = format!("{machine} {} {}", profile.parameter, loss.word());
-                assert!(profile.refitted && profile.ends.iter().all(|end| *end == ProfileEnd::Passed), "{what}");
+                // The loader's slip is solved by instruments, which minimise no cost.
+                assert_eq!(profile.refitted, machine != "wheel-loader", "{what}");
+                assert!(profile.ends.iter().all(|end| *end == ProfileEnd::Passed), "{what}");
                 for (value, statistic) in profile.values.iter().zip(&profile.statistic) {
                     let root = (value - profile.estimate).abs() / profile.std;
                     let tolerance = if loss == Loss::Ls { 0.04 * root } else { 0.15 * root + 0.1 };

@@ -192,6 +192,7 @@ impl Findings {
         {
             large.push_str(&format!(", most of it by the {}", cause.cause));
         }
+        reasons.extend(found.judgement.doubt.map(str::to_owned));
         reasons.extend(doubts.iter().cloned());
         reasons
     }

@@ -27,6 +27,8 @@ pub struct Judgement {
     pub systematic_std: f64,
     /// Judge by this size instead of the estimate's own, for parameters that may well be zero.
     pub size: Option<f64>,
+    /// Why it is not identified whatever its standard error, if the machine knows a reason.
+    pub doubt: Option<&'static str>,
 }
 
 #[derive(Clone)]
@@ -456,7 +458,8 @@ impl<'a> Session<'a> {
             range,
             refit: &refit,
         })?;
-        Ok(curve.map(|curve| (curve, true)))
+        // An answer by instruments minimises no cost: its quadratic form is that of the covariance.
+        Ok(curve.map(|curve| (curve, !instrumented)))
     }
 
     /// All that was found, for the report.

@@ -1,6 +1,7 @@
 //! The loader's identification on simulated logs whose truth is known.
 
 use rayon::prelude::*;
+use wheelstate::estimator::wheel_loader::Parameters;
 use wheelstate_identify::log::Log;
 use wheelstate_identify::problem::{FitRequest, Known};
 use wheelstate_identify::progress::Progress;
@@ -208,4 +209,92 @@ fn the_speed_over_which_signs_change_is_the_users() {
     };
     let found = fitted(log, &request).parameters["rolling.coefficient"].value;
     assert!((found / rolling - 1.0).abs() < 1e-3, "{found} instead of {rolling}");
+}
+
+/// Back and forth on a constant grade, `m v' + sum I v'/r^2 = sum T/r - f m g cos(grade) s(v) - m g sin(grade)`, wheels that
+/// slip by `T/(r K N)`, and a slope sensor that is wrong by `bias`.
+fn back_and_forth(bias: f64) -> Log {
+    let known = Parameters::default();
+    let (machine, unknowns) = (&known.loader, &known.initial);
+    let (mass, radius, base) = (machine.mass, machine.wheel_radius_front, machine.wheelbase);
+    let inertia = (machine.axle_inertia_front + machine.axle_inertia_rear) / (radius * radius);
+    let (rolling, grade, gravity) = (0.03, 0.02_f64, 9.80665);
+    let samples = 4000;
+    let mut log = Log {
+        source: "back and forth".to_owned(),
+        time: (0..samples).map(|k| 0.01 * f64::from(k)).collect(),
+        ..Log::default()
+    };
+    // A little ripple, without which there is no noise to weigh windows by.
+    let ripple = |k: usize| (0.7 * k as f64).sin();
+    let mut columns = vec![Vec::new(); 4];
+    for (k, t) in log.time.iter().enumerate() {
+        let (speed, rate) = (2.0 * (0.5 * t).sin(), (0.5 * t).cos());
+        let resistance = rolling * grade.cos() * (speed / 0.05_f64).tanh() + grade.sin();
+        let force = (mass + inertia) * rate + mass * gravity * resistance;
+        let transfer = mass * unknowns.cg_height / base * (rate + gravity * grade.sin());
+        let front = mass * gravity * grade.cos() * unknowns.cg_ratio - transfer;
+        for (axle, load) in [front, mass * gravity * grade.cos() - front].into_iter().enumerate() {
+            let slip = 0.5 * force / (unknowns.slip_stiffness * load);
+            columns[axle].push(0.5 * radius * force + ripple(k));
+            columns[2 + axle].push((speed + speed.abs() * slip + 1e-4 * ripple(3 * k)) / radius);
+        }
+    }
+    let names = ["torque_front", "torque_rear", "wheel_speed_front", "wheel_speed_rear"];
+    names.into_iter().zip(columns).for_each(|(name, values)| log.push(name, values));
+    log.push("slope", (0..log.len()).map(|k| grade + bias + 1e-4 * ripple(k)).collect());
+    log.push("speed", log.time.iter().map(|t| 2.0 * (0.5 * t).sin()).collect());
+    log
+}
+
+/// Driven both ways the error of the slope is fitted along; one way it looks like rolling resistance, which is then
+/// identified only if the user says how well the slope is known.
+#[test]
+fn a_biased_slope_is_no_rolling_resistance() {
+    let both = FitRequest { only: vec!["rolling.coefficient".to_owned()], ..FitRequest::default() };
+    for bias in [-0.06, -0.03, -0.005, 0.005, 0.03, 0.06] {
+        let report = fitted(back_and_forth(bias), &both);
+        let rolling = &report.parameters["rolling.coefficient"];
+        println!("bias {bias}: {:.4} +- {:.4}, {:?}", rolling.value, rolling.std_error, report.warnings);
+        assert!(rolling.identified && (rolling.value - 0.03).abs() < 5e-4, "bias {bias}: {rolling:?}");
+        let told = report.notes.iter().any(|note| note.starts_with("slope of back and forth is in the mean"));
+        assert!(told, "bias {bias}: {:?}", report.notes);
+
+        let mut one_way = log("accelerate-brake", 3, &[]);
+        let slope = one_way.channels.iter_mut().find(|channel| channel.name == "slope").unwrap();
+        slope.values.iter_mut().for_each(|slope| *slope += bias);
+        assert!(!fitted(one_way.clone(), &request()).parameters["rolling.coefficient"].identified, "bias {bias}");
+        let declared = vec![("slope.bias_std".to_owned(), bias.abs())];
+        let report = fitted(one_way, &FitRequest { sensors: declared, ..request() });
+        let rolling = &report.parameters["rolling.coefficient"];
+        assert_eq!(rolling.identified, bias.abs() < 0.01, "bias {bias}: {rolling:?}");
+        let within = (rolling.value - 0.03).abs() < 2.0 * rolling.std_error;
+        assert!(within || !rolling.identified, "bias {bias}: {rolling:?}");
+    }
+}
+
+/// At constant torque slip stiffness and radii are one unknown: a note says which of them go together. Of a machine whose radii
+/// are others than given, that leads back to the stiffness which the same drive gives with the right ones.
+#[test]
+fn constant_torque_says_which_stiffness_goes_with_which_radii() {
+    let stiffness = |errors: [f64; 2], seed: u64| {
+        let names = ["plant.wheel_radius_front_error", "plant.wheel_radius_rear_error"];
+        let settings: Vec<(&str, f64)> = names.into_iter().zip(errors.map(|error| 1e-3 * error)).collect();
+        let report = fitted(log("bumpy-c", seed, &settings), &request());
+        let note = report.notes.iter().find(|note| note.starts_with("determined is the slip")).unwrap();
+        let words = note.split(|c: char| c.is_whitespace() || c == ',');
+        let numbers: Vec<f64> = words.filter_map(|word| word.parse().ok()).collect();
+        let [as_given, _, front, _, rear] = numbers[..] else { panic!("{note}") };
+        println!("{errors:?}, seed {seed}: {note}");
+        (as_given, as_given + front * errors[0] + rear * errors[1])
+    };
+    for errors in [[1.0, 0.0], [0.0, -1.0]] {
+        let (mut off, mut left) = (0.0, 0.0);
+        for seed in 20..26 {
+            let (truth, (as_given, on_the_line)) = (stiffness([0.0; 2], seed).0, stiffness(errors, seed));
+            off += (as_given - truth) / 6.0;
+            left += (on_the_line - truth) / 6.0;
+        }
+        assert!(off.abs() > 1.0 && left.abs() < 0.3 * off.abs(), "{errors:?}: {off} as given, {left} on the line");
+    }
 }

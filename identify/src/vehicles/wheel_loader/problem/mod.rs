@@ -5,7 +5,8 @@
 //! 0. *Radii* from coasting samples, where a wheel does not slip: `v = r w`, Huber.
 //! 1. *Rolling resistance* from the impulse balance over half a second, Huber:
 //!    `sum dt [(T_f - B_f)/r_f + (T_r - B_r)/r_r - F_x - m g sin alpha] - [m dv + sum I_i dw_i/r_i]
-//!    = f sum dt (m g cos alpha + F_z)`.
+//!    = f sum dt (m g cos alpha + F_z)`. Driven one way, an error of the slope looks like rolling resistance; driven both ways, the
+//!    error of each log's slope is fitted along, and taken off for stage 2.
 //! 2. *`theta = (K, K lambda, K h)`* from `T_i - I_i v'/r_i = r_i sigma_i g_i . theta`, linear in theta, each
 //!    row times the speed, so that the noisy slip speed `r w - v = v sigma` enters without a quotient.
 //!
@@ -31,7 +32,7 @@ pub use slip::slip_regression;
 
 use crate::assess::Limits;
 use crate::log::Log;
-use crate::problem::{FitError, Fitted, Judgement, Prediction, Problem, Session, Target, Task};
+use crate::problem::{FitError, Fitted, Judgement, Offset, Prediction, Problem, Session, Target, Task};
 use crate::result::Trace;
 use rolling::{coasting_radius, impulse_balance};
 use sample::{Balance, Machine, Run};
@@ -57,6 +58,11 @@ const WIDTHS: [(&str, &str); 3] =
 /// Length of a window of the impulse balance, and of a cluster of the moments, as long as tyres bounce, s.
 const WINDOW: f64 = 0.5;
 const CLUSTER: f64 = 0.25;
+/// Slope of ground that is taken as level, rad.
+const FLOOR_SLOPE: f64 = 0.005;
+/// Why a rolling coefficient is not identified although noise leaves it well known.
+const ONE_WAY: &str = "the machine drives one way, where an error of the slope looks the same: drive both ways, or say how \
+                       well the slope is known (--sensor slope.bias_std)";
 /// Samples of which one enters stage 2 where only differences between fits are looked for.
 const COARSE: usize = 3;
 /// Given radii are kept if the log moves none of them by more than so many standard errors.
@@ -79,8 +85,8 @@ fn targets(_: &[Log]) -> Vec<Target> {
         .chain(WIDTHS.iter().map(|(_, width)| *width))
         .map(|name| {
             let target = Target::declared(&declared, name, true);
-            // Coasting shows the radii, changing acceleration the height.
-            let plain = [ROLLING, STIFFNESS, RATIO].contains(&name);
+            // Coasting shows the radii, changing acceleration the height, driving both ways the rolling resistance.
+            let plain = [STIFFNESS, RATIO].contains(&name);
             if plain { target } else { target.optional() }
         })
         .collect()
@@ -88,7 +94,7 @@ fn targets(_: &[Log]) -> Vec<Target> {
 
 fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     let mut machine = Machine::new(task.known, task.logs.len());
-    let logs = task.logs.iter().map(|log| Run::new(log, &machine)).collect::<Result<Vec<_>, _>>()?;
+    let mut logs = task.logs.iter().map(|log| Run::new(log, &machine)).collect::<Result<Vec<_>, _>>()?;
     let given = machine.clone();
     let mut radii = Radii { given: given.radius, std: [FIXED; 2] };
     for (axle, name) in RADII.into_iter().enumerate() {
@@ -103,11 +109,7 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
         }
     }
     if task.wants(ROLLING) {
-        let regression = impulse_balance(&logs, &machine);
-        if let Some(fit) = session.solve(&regression, &[ROLLING])? {
-            session.estimate(ROLLING, fit, |x| x[0]);
-            machine.rolling = session.solution(fit).theta[0];
-        }
+        rolling_resistance(task, &mut logs, &mut machine, session)?;
     }
     if ![STIFFNESS, RATIO, HEIGHT].iter().chain(&RADII).any(|name| task.wants(name)) {
         return Ok(());
@@ -142,6 +144,44 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
             session.give_up(width, &format!("{name} is not known well enough to start from"));
         }
     }
+    Ok(())
+}
+
+/// Stage 1: the rolling resistance, and, where the machine drives both ways, the error of each log's slope, which is taken off.
+fn rolling_resistance(
+    task: &Task,
+    logs: &mut [Run],
+    machine: &mut Machine,
+    session: &mut Session,
+) -> Result<(), FitError> {
+    let Some(alone) = session.solve(&impulse_balance(logs, machine, false), &[ROLLING])? else { return Ok(()) };
+    let measured = task.logs.iter().any(|log| log.channel("slope").is_some());
+    let known = if measured { task.quality("slope").bias } else { FLOOR_SLOPE };
+    let assumed = !task.exact && !task.sensors.iter().any(|(key, _)| key == "slope.bias_std");
+    let open = session.solve(&impulse_balance(logs, machine, true), &[])?;
+    let open = open.filter(|fit| session.solution(*fit).std(0) < known);
+    let both_ways = session.decide("the machine drives both ways", open.is_some());
+    let fit = match open.filter(|_| both_ways) {
+        Some(fit) => {
+            session.estimate(ROLLING, fit, |x| x[0]);
+            for (index, (run, log)) in logs.iter_mut().zip(task.logs).enumerate() {
+                let solution = session.solution(fit);
+                let (value, std_error) = (solution.theta[1 + index], solution.std(1 + index));
+                run.tilt(-value);
+                let (channel, against) = ("slope".to_owned(), "driving both ways says".to_owned());
+                let offset = Offset { log: log.source.clone(), channel, unit: "rad", against, value, std_error };
+                session.offset(offset);
+            }
+            fit
+        }
+        None => {
+            let systematic_std = if measured || task.exact { 0.0 } else { FLOOR_SLOPE };
+            let judgement = Judgement { systematic_std, doubt: assumed.then_some(ONE_WAY), ..Judgement::default() };
+            session.estimate_judged(ROLLING, alone, judgement, |x| x[0]);
+            alone
+        }
+    };
+    machine.rolling = session.solution(fit).theta[0];
     Ok(())
 }
 
@@ -271,9 +311,9 @@ fn without_height(
     let fixed = |machine: &Machine| Radii { given: machine.radius, std: [FIXED; 2] };
     let mut machine = start.clone();
     let Some(fit) = stage.fit(&mut machine, &fixed(&start), height, session)? else { return Ok(None) };
-    let mut variance = [0.0; 2];
+    let (mut variance, mut per_mille) = ([0.0; 2], [0.0; 2]);
     // Where only differences between fits are looked for, nobody asks how certain they are.
-    for (axle, std) in radius_std.into_iter().enumerate().filter(|_| !task.coarse) {
+    for (axle, std) in radius_std.into_iter().enumerate().filter(|(_, std)| !task.coarse && *std > 0.0) {
         let mut moved = start.clone();
         moved.radius[axle] *= 1.0 + std;
         let radii = fixed(&moved);
@@ -281,10 +321,21 @@ fn without_height(
             for (sum, (a, b)) in variance.iter_mut().zip(moved.unknowns.iter().zip(machine.unknowns)) {
                 *sum += (a - b).powi(2);
             }
+            per_mille[axle] = 1e-3 / std * (moved.unknowns[0] - machine.unknowns[0]);
         }
     }
     session.estimate_judged(STIFFNESS, fit, judged(variance[0].sqrt()), |x| x[0]);
     session.estimate_judged(RATIO, fit, judged(variance[1].sqrt()), |x| x[1] / x[0]);
+    if !task.coarse {
+        let solution = session.solution(fit);
+        let [front, rear] = per_mille;
+        session.note(format!(
+            "determined is the slip: {STIFFNESS} = {:.2} +- {:.2} with the rolling radii as they are, {front:+.2} for each 0.1 % \
+             that the front radius is larger and {rear:+.2} for the rear one",
+            solution.theta[0],
+            solution.std(0)
+        ));
+    }
     session.note("initial.cg_height is not observable in the log; initial.cg_ratio relies on its given value");
     RADII.iter().filter(|name| task.wants(name)).for_each(|name| {
         session.retract(name, "neither coasting nor changing torque shows it");
@@ -340,7 +391,7 @@ fn validate(task: &Task) -> Vec<Prediction> {
                     let load = g[0] + g[1] * lambda + g[2] * height;
                     let sigma = traction[axle] / (radius * stiffness * load);
                     measured[axle] += (radius * sample.wheel[axle] - speed) / steps as f64;
-                    predicted[axle] += sigma * sample.speed / steps as f64;
+                    predicted[axle] += sigma * sample.speed.abs() / steps as f64;
                 }
             }
             for (axle, trace) in traces.iter_mut().enumerate() {

@@ -54,23 +54,25 @@ pub(super) fn coasting_radius(
     Ok(Some((solution.theta[0], solution.std(0))))
 }
 
-/// Stage 1: impulse balance over windows.
-pub(super) fn impulse_balance(logs: &[Run], machine: &Machine) -> Regression {
+/// Stage 1: impulse balance over windows, unknowns `f` and, if they are wanted, the error of each log's slope, rad.
+pub(super) fn impulse_balance(logs: &[Run], machine: &Machine, slopes: bool) -> Regression {
     let (radius, Loader { mass, .. }) = (machine.radius, machine.model.loader);
     let inertia = machine.model.loader.axle_inertia();
-    let mut rows = Rows::new("impulse", "N.s", 1);
+    let columns = 1 + if slopes { logs.len() } else { 0 };
+    let mut rows = Rows::new("impulse", "N.s", columns);
     let mut cluster = 0;
-    for run in logs {
+    for (log, run) in logs.iter().enumerate() {
         let steps = run.steps(WINDOW);
         for window in run.samples.windows(steps + 1).step_by(steps) {
-            if window.iter().any(|sample| sample.speed < 0.3) {
+            if window.iter().any(|sample| sample.speed.abs() < 0.3) {
                 continue;
             }
-            let (mut impulse, mut weight) = (0.0, 0.0);
+            let (mut impulse, mut weight, mut upright) = (0.0, 0.0, 0.0);
             for (k, sample) in window.iter().enumerate() {
                 let share = if k == 0 || k == steps { 0.5 * run.period } else { run.period };
                 let drive: f64 = (0..2).map(|i| sample.torque[i] / radius[i]).sum();
                 impulse += share * (drive - sample.drive.force_x - mass * sample.gravity[0]);
+                upright += share * mass * sample.gravity[1];
                 weight += share * sample.sense * (mass * sample.gravity[1] + sample.drive.force_z);
             }
             let (first, last) = (&window[0], &window[steps]);
@@ -78,13 +80,19 @@ pub(super) fn impulse_balance(logs: &[Run], machine: &Machine) -> Regression {
             for i in 0..2 {
                 impulse -= inertia[i] / radius[i] * (last.wheel[i] - first.wheel[i]);
             }
-            rows.push(&[weight], impulse, cluster / CLUSTER_WINDOWS);
+            let mut row = vec![0.0; columns];
+            row[0] = weight;
+            // A slope that is too large takes too much off the force.
+            row[1..].iter_mut().skip(log).take(1).for_each(|cell| *cell = -upright);
+            rows.push(&row, impulse, cluster / CLUSTER_WINDOWS);
             cluster += 1;
         }
     }
     Regression {
         name: "impulse balance".to_owned(),
-        unknowns: vec![Unknown::within("f", 0.0, 0.3)],
+        unknowns: std::iter::once(Unknown::within("f", 0.0, 0.3))
+            .chain((1..columns).map(|_| Unknown::free("error of the slope")))
+            .collect(),
         groups: vec![rows],
         constraints: Vec::new(),
     }

@@ -148,6 +148,14 @@ impl Run {
         }
     }
 
+    /// Adds to the slope.
+    pub fn tilt(&mut self, slope: f64) {
+        for sample in &mut self.samples {
+            let [along, across] = sample.gravity;
+            sample.gravity = [along + across * slope, across];
+        }
+    }
+
     /// Steps between samples in a time, at least one.
     pub fn steps(&self, seconds: f64) -> usize {
         ((seconds / self.period).round() as usize).max(1)
