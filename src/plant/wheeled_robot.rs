@@ -87,6 +87,23 @@ pub struct Truth {
     pub yaw_acceleration: f64,
 }
 
+/// The motion of a wheel over the ground.
+struct Contact {
+    /// Where it stands, ahead and to the left of the centre of gravity, m.
+    place: [f64; 2],
+    /// Its direction.
+    forward: [f64; 2],
+    /// Longitudinal force over grip.
+    pull: f64,
+    /// Slip angle, rad.
+    drift: f64,
+}
+
+/// 1 for wheels on the left, -1 on the right.
+fn side(wheel: usize) -> f64 {
+    if wheel.is_multiple_of(2) { 1.0 } else { -1.0 }
+}
+
 const WEIGHT_PER_MASS: f64 = super::ROUNDED_GRAVITY;
 
 impl TireLaw {
@@ -101,7 +118,8 @@ impl TireLaw {
         }
         let relative = load / self.nominal;
         let stiffness = if self.sensitivity > 0.0 {
-            let bend = |q: f64| (2.0 * (q / self.sensitivity).atan()).sin();
+            // sin(2 atan(z)) = 2 z / (1 + z^2), of which the ratio to that at the nominal load is taken
+            let bend = |q: f64| q / (self.sensitivity * self.sensitivity + q * q);
             self.stiffness * bend(relative) / bend(1.0)
         } else {
             self.stiffness * relative
@@ -122,33 +140,29 @@ impl Machine {
 
     /// Forces in a state.
     pub fn truth(&self, x: &State, controls: &Controls) -> Truth {
-        let [vx, vy, r, ..] = *x;
+        self.truth_near(x, controls, [0.0, 0.0])
+    }
+
+    /// The same, sought from specific forces that are near.
+    fn truth_near(&self, x: &State, controls: &Controls, accel: [f64; 2]) -> Truth {
         let base = self.arms[0] + self.arms[1];
         let weight = self.mass * WEIGHT_PER_MASS;
-        let mut truth = Truth::default();
+        let mut truth = Truth { accel, ..Truth::default() };
+        let contacts: [Contact; 4] = std::array::from_fn(|i| self.contact(x, controls, i));
         // The loads follow from the accelerations that they cause: repeat until they no longer move.
         for _ in 0..40 {
             let [ax, ay] = truth.accel;
             let axle_front = (weight * self.arms[1] / base - self.mass * ax * self.height / base).clamp(0.0, weight);
             let axles = [axle_front, weight - axle_front];
             let (mut force, mut moment) = ([0.0, 0.0], 0.0);
-            for i in 0..4 {
-                let (axle, side) = (i / 2, if i % 2 == 0 { 1.0 } else { -1.0 });
+            for (i, Contact { place, forward, pull, drift }) in contacts.iter().enumerate() {
+                let (axle, side) = (i / 2, side(i));
                 let roll = self.mass * ay * self.height / self.tracks[axle] * self.arms[1 - axle] / base;
                 let load = 0.5 * axles[axle] - side * roll.clamp(-0.5 * axles[axle], 0.5 * axles[axle]);
-                let angle = if axle == 0 { controls.steering } else { 0.0 };
-                let place = [if axle == 0 { self.arms[0] } else { -self.arms[1] }, side * 0.5 * self.tracks[axle]];
-                let hub = [vx - r * place[1], vy + r * place[0]];
-                let forward = [angle.cos(), angle.sin()];
-                let along = hub[0] * forward[0] + hub[1] * forward[1];
-                let across = hub[1] * forward[0] - hub[0] * forward[1];
                 let tire = &self.tires[axle];
-                let rim = self.radius * x[3 + i];
-                let slip = (rim - along) / along.abs().max(rim.abs()).max(self.guard);
                 let grip = tire.grip(load, self.ground[i]) * load;
-                let fx = grip * (self.slip_law[0] * (self.slip_law[1] * slip).atan()).sin();
-                let drift = -(across / along.abs().max(self.guard)).atan();
-                let mut fy = tire.lateral(drift, load, self.ground[i]);
+                let fx = grip * pull;
+                let mut fy = tire.lateral(*drift, load, self.ground[i]);
                 if self.combined && grip > 0.0 {
                     fy *= (1.0 - (fx / grip).powi(2)).max(0.0).sqrt();
                 }
@@ -169,8 +183,30 @@ impl Machine {
         truth
     }
 
-    fn rates(&self, x: &State, controls: &Controls) -> State {
-        let truth = self.truth(x, controls);
+    /// What a wheel does on the ground, whatever its load.
+    fn contact(&self, x: &State, controls: &Controls, wheel: usize) -> Contact {
+        let [vx, vy, r, ..] = *x;
+        let axle = wheel / 2;
+        let angle = if axle == 0 { controls.steering } else { 0.0 };
+        let place = [if axle == 0 { self.arms[0] } else { -self.arms[1] }, side(wheel) * 0.5 * self.tracks[axle]];
+        let hub = [vx - r * place[1], vy + r * place[0]];
+        let forward = [angle.cos(), angle.sin()];
+        let along = hub[0] * forward[0] + hub[1] * forward[1];
+        let across = hub[1] * forward[0] - hub[0] * forward[1];
+        let rim = self.radius * x[3 + wheel];
+        let slip = (rim - along) / along.abs().max(rim.abs()).max(self.guard);
+        Contact {
+            place,
+            forward,
+            pull: (self.slip_law[0] * (self.slip_law[1] * slip).atan()).sin(),
+            drift: -(across / along.abs().max(self.guard)).atan(),
+        }
+    }
+
+    /// Rates of the state; `accel` holds the specific forces a moment ago, and then those of now.
+    fn rates(&self, x: &State, controls: &Controls, accel: &mut [f64; 2]) -> State {
+        let truth = self.truth_near(x, controls, *accel);
+        *accel = truth.accel;
         let mut rates = [0.0; 7];
         rates[0] = truth.accel[0] + x[2] * x[1];
         rates[1] = truth.accel[1] - x[2] * x[0];
@@ -190,13 +226,14 @@ impl Machine {
         let steps = (dt / 1e-3).ceil().max(1.0);
         let h = dt / steps;
         let mut x = *x;
+        let mut accel = [0.0, 0.0];
         for k in 0..steps as usize {
             let t = k as f64 * h;
             let at = |rates: &State, h: f64| std::array::from_fn(|i| x[i] + h * rates[i]);
-            let k1 = self.rates(&x, &controls(t));
-            let k2 = self.rates(&at(&k1, 0.5 * h), &controls(t + 0.5 * h));
-            let k3 = self.rates(&at(&k2, 0.5 * h), &controls(t + 0.5 * h));
-            let k4 = self.rates(&at(&k3, h), &controls(t + h));
+            let k1 = self.rates(&x, &controls(t), &mut accel);
+            let k2 = self.rates(&at(&k1, 0.5 * h), &controls(t + 0.5 * h), &mut accel);
+            let k3 = self.rates(&at(&k2, 0.5 * h), &controls(t + 0.5 * h), &mut accel);
+            let k4 = self.rates(&at(&k3, h), &controls(t + h), &mut accel);
             x = std::array::from_fn(|i| x[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
         }
         x
