@@ -3,7 +3,7 @@
 //!
 //! Classical recursion of Newton and Euler: kinematics from the base outwards, forces from the tips
 //! inwards, each about the joint of its segment. Gravity is a force here, and nothing is a
-//! 6-vector. [`Body::forward`] solves the same equations for the accelerations.
+//! 6-vector. [`Body::forward`] solves the same equations for the accelerations, with the inertia of what each joint carries.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Unit, Vector3};
 
@@ -205,19 +205,64 @@ impl Body {
         pushes: &[Push],
     ) -> Option<Vec<f64>> {
         let n = self.joints();
-        let mut qdd = vec![0.0; n];
-        let (bias, _) = self.inverse(base, q, qd, &qdd, pushes);
-        let mut inertia = DMatrix::zeros(n, n);
-        let zero = vec![0.0; n];
-        let still = Body { segments: self.segments.clone(), gravity: Vector3::zeros() };
-        for j in 0..n {
-            qdd[j] = 1.0;
-            let (column, _) = still.inverse(&BaseMotion::rest(), q, &zero, &qdd, &[]);
-            inertia.set_column(j, &DVector::from_vec(column));
-            qdd[j] = 0.0;
-        }
+        let (bias, states) = self.inverse(base, q, qd, &vec![0.0; n], pushes);
+        let inertia = self.joint_inertia(&states);
         let right = DVector::from_iterator(n, torque.iter().zip(&bias).map(|(t, b)| t - b));
         Some(inertia.cholesky()?.solve(&right).as_slice().to_vec())
+    }
+
+    /// Inertia matrix of the joints: what each joint feels of a unit acceleration of each other, by the momentum of all
+    /// that the accelerated joint carries as one rigid body (the composite rigid body method; Featherstone, Rigid Body
+    /// Dynamics Algorithms, 2008, 6.2), about the base's origin.
+    fn joint_inertia(&self, states: &[SegmentState]) -> DMatrix<f64> {
+        let n = self.joints();
+        let mut carried: Vec<Carried> = states.iter().zip(&self.segments).map(Carried::by).collect();
+        for k in (1..=n).rev() {
+            if let Some(p) = self.segments[k].parent {
+                let own = carried[k];
+                carried[p].add(&own);
+            }
+        }
+        let axes: Vec<_> = states.iter().zip(&self.segments).map(|(state, of)| state.rotation * of.axis).collect();
+        let mut inertia = DMatrix::zeros(n, n);
+        for j in 1..=n {
+            let (place, Carried { mass, first, second }) = (states[j].position, carried[j]);
+            let force = axes[j].cross(&(first - place * mass));
+            let moment = second * axes[j] - first.cross(&axes[j].cross(&place));
+            let mut i = j;
+            while let Some(up) = self.segments[i].parent {
+                let felt = axes[i].dot(&(moment - states[i].position.cross(&force)));
+                (inertia[(i - 1, j - 1)], inertia[(j - 1, i - 1)]) = (felt, felt);
+                i = up;
+            }
+        }
+        inertia
+    }
+}
+
+/// All that a joint carries, as one rigid body in the inertial frame.
+#[derive(Clone, Copy)]
+struct Carried {
+    /// Mass, kg.
+    mass: f64,
+    /// First moment of mass about the base's origin, kg m.
+    first: Vector3<f64>,
+    /// Rotational inertia about the base's origin, kg m2.
+    second: Matrix3<f64>,
+}
+
+impl Carried {
+    fn by((state, segment): (&SegmentState, &Segment)) -> Self {
+        let (mass, com) = (segment.mass, state.position + state.rotation * segment.com);
+        let steiner = (Matrix3::from_diagonal_element(com.norm_squared()) - com * com.transpose()) * mass;
+        let second = state.rotation * segment.inertia * state.rotation.transpose() + steiner;
+        Self { mass, first: com * mass, second }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.mass += other.mass;
+        self.first += other.first;
+        self.second += other.second;
     }
 }
 
