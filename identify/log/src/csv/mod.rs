@@ -18,9 +18,9 @@ use super::{Log, LogError};
 use crate::hash::{self, Hashed};
 use crate::progress::Progress;
 use crate::wanted::Wanted;
-use cell::{Kind, number_at};
+use cell::{Cells, Kind, number_at};
 use dialect::{Dialect, bare};
-use memchr::memchr_iter;
+use memchr::{memchr, memchr_iter};
 use rows::{Row, Rows};
 use source::Source;
 use std::fs::File;
@@ -196,7 +196,8 @@ pub(super) fn parse(
 }
 
 /// How rows are read that are nothing but numbers and missing samples: in one go, without cutting them into cells first.
-struct Usual {
+struct Usual<'a> {
+    cells: &'a Cells,
     separator: u8,
     /// Columns of a row, and those that are read, in order.
     width: usize,
@@ -204,14 +205,15 @@ struct Usual {
 }
 
 /// None where columns hold times, numbers have a decimal comma, or texts of the map's choice mean missing samples.
-fn usual(columns: &[Reading], read: &[usize], dialect: &Dialect) -> Option<Usual> {
+fn usual<'a>(columns: &[Reading], read: &[usize], dialect: &'a Dialect) -> Option<Usual<'a>> {
     let numbers = |place: &usize| matches!(columns[*place].kind, Kind::Number | Kind::Unknown);
     let places: Vec<usize> = read.iter().copied().filter(|place| columns[*place].text.is_none()).collect();
     let plain = dialect.cells.are_plain() && dialect.separator != b' ' && places.iter().all(numbers);
-    plain.then_some(Usual { separator: dialect.separator, width: columns.len(), places })
+    let (cells, separator) = (&dialect.cells, dialect.separator);
+    plain.then_some(Usual { cells, separator, width: columns.len(), places })
 }
 
-impl Usual {
+impl Usual<'_> {
     /// Adds the row of this length, with which a text begins, to the columns, which have `rows` values; false, with nothing
     /// added, if it is of another kind.
     fn read(&self, text: &[u8], length: usize, columns: &mut [Reading], rows: usize) -> bool {
@@ -232,7 +234,7 @@ impl Usual {
         };
         // Where the next cell begins; none behind the last one.
         let mut start = Some(0);
-        let (mut next, mut numbers) = (0, 0);
+        let (mut next, mut filled) = (0, 0);
         for &place in &self.places {
             let mut at = start?;
             if place > next {
@@ -240,27 +242,40 @@ impl Usual {
             }
             next = place + 1;
             at = skip_spaces(at);
-            let mut number = None;
-            if line.get(at).is_some_and(|byte| *byte != self.separator) {
-                let (value, end) = number_at(text, at, length)?;
-                number = Some(value);
-                at = skip_spaces(end);
-            }
-            start = match line.get(at) {
-                None => None,
-                Some(byte) if *byte == self.separator => Some(at + 1),
-                Some(_) => return None,
-            };
             let column = &mut columns[place];
-            column.values.push(number.unwrap_or(f64::NAN));
-            if number.is_some() {
-                column.kind = Kind::Number;
-                numbers += 1;
+            let ends = |at: usize| line.get(at).is_none_or(|byte| *byte == self.separator);
+            let mut value = f64::NAN;
+            if !ends(at) {
+                let number = number_at(text, at, length).map(|(number, end)| (number, skip_spaces(end)));
+                (value, at) = match number.filter(|(_, end)| ends(*end)) {
+                    Some(number) => {
+                        column.kind = Kind::Number;
+                        number
+                    }
+                    None => self.word(line, at, &mut column.kind)?,
+                };
+                filled += 1;
             }
+            column.values.push(value);
+            start = (at < length).then_some(at + 1);
         }
         let cells = next + start.map_or(0, |start| memchr_iter(self.separator, &line[start..]).count() + 1);
         // Rows of nothing are counted elsewhere.
-        (cells == self.width && numbers > 0).then_some(())
+        (cells == self.width && filled > 0).then_some(())
+    }
+
+    /// A word that means a number or a missing sample, at a place of a line, and where its cell ends.
+    #[cold]
+    fn word(&self, line: &[u8], at: usize, kind: &mut Kind) -> Option<(f64, usize)> {
+        let end = memchr(self.separator, &line[at..]).map_or(line.len(), |length| at + length);
+        let cell = line[at..end].trim_ascii();
+        let mut found = *kind;
+        let value = self.cells.value(cell, &mut found).filter(|_| !cell.is_empty())?;
+        if !matches!(found, Kind::Number | Kind::Unknown) {
+            return None;
+        }
+        *kind = found;
+        Some((value, end))
     }
 }
 
@@ -340,6 +355,7 @@ mod tests {
             1 => "[0-9]{0,30}[.][0-9]{1,30}(e-?[0-9]{1,3})?",
             1 => Just(String::new()),
             1 => Just("NaN".to_owned()),
+            1 => Just("NA ".to_owned()),
             1 => Just("\"2.5\"".to_owned()),
         ]
     }
