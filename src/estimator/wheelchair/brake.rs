@@ -16,9 +16,13 @@ use serde::{Deserialize, Serialize};
 const STATES: usize = 15;
 /// Standard deviation of the tilt at which a brake may hold a chair, rad.
 const UNKNOWN: f64 = 0.1;
-/// The brake is taken for true if the tilt that it held is so many standard deviations from zero, those of a force that
-/// `initial.force_offset_std` explains: rolling resistance that nobody reported is often several of these.
+/// The brake is taken for true if the tilt that it held is so many standard deviations from zero, and so large, rad. Rolling
+/// resistance that nobody reported, up to 0.02 of the weight, looks like a tilt of as many radians at the first motion: a smaller
+/// one is left to the standard deviations.
 const SIGNIFICANT: f64 = 5.0;
+const LEAST: f64 = 0.03;
+/// For so long after the first motion, s, static friction and casters that swivel say nothing of a brake.
+const SETTLES: f64 = 1.0;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 enum Phase {
@@ -41,6 +45,8 @@ pub struct Brake {
     variance: f64,
     /// The force that was reported first, N.
     force: Option<f64>,
+    /// Time since the first motion, s.
+    released_for: f64,
 }
 
 impl Brake {
@@ -81,9 +87,14 @@ impl Brake {
         (self.tilt, self.variance) = (beside.value, beside.variance);
     }
 
-    /// Puts the brake into the state once that it held is significant.
-    pub(super) fn settle<const N: usize>(&mut self, belief: &mut Gaussian<N>) {
-        if self.phase == Phase::Released && self.tilt * self.tilt > SIGNIFICANT * SIGNIFICANT * self.variance {
+    /// Puts the brake into the state once that it held is significant, `dt` seconds after the last call.
+    pub(super) fn settle<const N: usize>(&mut self, belief: &mut Gaussian<N>, dt: f64) {
+        if self.phase != Phase::Released {
+            return;
+        }
+        self.released_for += dt;
+        let significant = self.tilt.abs() > LEAST.max(SIGNIFICANT * self.variance.sqrt());
+        if significant && self.released_for > SETTLES {
             self.beside().put_into(belief);
             *self = Self::default();
         }

@@ -177,16 +177,16 @@ impl ChairMachine {
     }
 
     /// Lets a brake of which the state does not know end with the first motion, and go into the state if it was there.
-    pub(super) fn settle_brake(&self, state: &mut State) {
+    pub(super) fn settle_brake(&self, state: &mut State, dt: f64) {
         let State { belief, watch, command, .. } = state;
         let driven = watch.brake.is_driven(command[0], self.parameters.initial.force_offset_std);
         if driven || belief.motion().0.abs() > MOVING {
             watch.brake.release();
         }
         match belief {
-            ChairBelief::Basic(belief) => watch.brake.settle(belief),
-            ChairBelief::Biased(belief) => watch.brake.settle(belief),
-            ChairBelief::Gravity(belief) => watch.brake.settle(belief),
+            ChairBelief::Basic(belief) => watch.brake.settle(belief, dt),
+            ChairBelief::Biased(belief) => watch.brake.settle(belief, dt),
+            ChairBelief::Gravity(belief) => watch.brake.settle(belief, dt),
         }
     }
 
