@@ -12,6 +12,7 @@ from conftest import FMUS
 from support import Slave
 
 sys.path.append(str(Path(__file__).parents[1] / "oracles"))
+from wheelchair_ground import GROUNDS, KINDS, runs
 from wheelchair_mujoco import CASES, VARIANTS, errors, estimate, measured, simulate
 
 BASIC, BIAS = 1, 2
@@ -71,3 +72,14 @@ def test_standard_deviations_hold_on_a_climb(run):
     """The slope's and the speed's, edges and unknown rolling resistance included."""
     shares = [[f[name][2] for name in ("slope", "speed")] for chair in CHAIRS for f in run("climb", chair, BIAS, True)]
     assert np.min(shares) >= 0.88, np.min(shares, axis=0)
+
+
+@pytest.mark.parametrize("name", GROUNDS)
+def test_on_no_ground_an_estimate_is_wrong_and_healthy(name, extracted):
+    """Beyond three standard deviations: the speed of the kind that the acceleration drives, while it pulls away, and the
+    heading of six states on an oblique ramp."""
+    for kind in KINDS:
+        for scores, healthy in runs(extracted(FMUS / "Wheelchair.fmu"), GROUNDS[name], kind, seeds=[20]):
+            most = 0.01 if kind in ("bias", "gravity_vector") else 0.02
+            assert all(sure <= most for _, _, sure in scores.values()), (kind, scores)
+            assert scores["pitch"][1] >= 0.95 and healthy >= 0.75, (kind, scores, healthy)
