@@ -37,8 +37,9 @@
 //! moves, its acceleration under the reported force tells: a tilt of more than 30 mrad, significant a second after the first
 //! motion, goes into the state. A smaller one looks like rolling resistance that nobody reported: the slope remains wrong by it, and the
 //! standard deviation says so for the rest of the ride. A first sample whose specific force is three standard deviations beyond what
-//! `initial.slope_std` and `initial.accel_bias_std` explain (45 mrad of slope at the defaults) widens the slope to the unknown at once; until the chair moves, force and moment may then be any
-//! (`contour.rs`). `basic`, which has no bias either, says `contradicted` for the first seconds.
+//! `initial.slope_std` and `initial.accel_bias_std` explain (45 mrad of slope at the defaults) widens the slope to the unknown
+//! at once; until the chair moves, force and moment may then be any (`contour.rs`). `basic`, which has no bias
+//! either, says `contradicted` for the first seconds.
 //!
 //! On the plant, 30 s each, four seeds, sensors with biases but for `basic`: root mean square error of pitch and of slope,
 //! mrad; then in per cent the share of both within two standard deviations (the lesser), the share healthy, and the largest
