@@ -348,6 +348,10 @@ pub fn long_run(scores: &Scores, n: usize, gram: &DMatrix<f64>, rows: usize) -> 
 /// Pseudo-inverse of a symmetric matrix, scaled to a unit diagonal first so that the units of
 /// the unknowns do not matter. NaN, of which nothing follows, if the matrix is not finite.
 pub fn inverse(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    // Of a log by itself that tells no parameter; singular values of nothing are refused.
+    if matrix.is_empty() {
+        return matrix.clone();
+    }
     let scale = matrix.diagonal().map(|value| if value > 0.0 { value.sqrt() } else { 1.0 });
     let scaled = DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] / (scale[i] * scale[j]));
     // Singular values of what is not finite are looked for without end.
@@ -391,4 +395,18 @@ fn condition_of_gram(gram: &DMatrix<f64>) -> f64 {
     let values = unit.symmetric_eigenvalues();
     let smallest = values.min();
     if smallest <= 0.0 { f64::INFINITY } else { (values.max() / smallest).sqrt() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::inverse;
+    use nalgebra::DMatrix;
+
+    /// A log that tells no parameter stopped the fit of several logs.
+    #[test]
+    fn the_inverse_of_nothing_is_nothing_and_of_a_singular_matrix_its_pseudo_inverse() {
+        assert!(inverse(&DMatrix::zeros(0, 0)).is_empty());
+        let corner = |value: f64| DMatrix::from_row_slice(2, 2, &[value, 0.0, 0.0, 0.0]);
+        assert!((inverse(&corner(4.0)) - corner(0.25)).amax() < 1e-15);
+    }
 }
