@@ -303,9 +303,12 @@ impl<'a> Session<'a> {
         self.estimates.iter().find(|estimate| estimate.name == name).map(|estimate| self.error_of(estimate))
     }
 
-    /// Something the user must know: the fit ends with warnings.
+    /// Something the user must know: the fit ends with warnings. Several solutions may say the same; it is told once.
     pub fn warn(&mut self, text: impl Into<String>) {
-        self.warnings.push(text.into());
+        let text = text.into();
+        if !self.warnings.contains(&text) {
+            self.warnings.push(text);
+        }
     }
 
     /// Something good to know.

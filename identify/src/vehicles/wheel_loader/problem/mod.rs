@@ -326,8 +326,9 @@ fn without_height(
     }
     session.estimate_judged(STIFFNESS, fit, judged(variance[0].sqrt()), |x| x[0]);
     session.estimate_judged(RATIO, fit, judged(variance[1].sqrt()), |x| x[1] / x[0]);
-    if !task.coarse {
-        let solution = session.solution(fit);
+    let solution = session.solution(fit);
+    let determined = !solution.at_bound[0] && solution.std(0) < Limits::default().relative_error * solution.theta[0];
+    if !task.coarse && determined {
         let [front, rear] = per_mille;
         session.note(format!(
             "determined is the slip: {STIFFNESS} = {:.2} +- {:.2} with the rolling radii as they are, {front:+.2} for each 0.1 % \
