@@ -1,4 +1,4 @@
-"""Tables of what the estimates are worth: error, share within two reported standard deviations, share healthy, and
+"""Tables of what the estimates are worth: error of all samples and of the healthy ones, share within two reported standard deviations, share healthy, and
 share healthy and beyond three, of every machine on its built-in plant, on plants of other programs and on recordings.
 
     python tests/tables/honesty.py IDENTIFY [MACHINE...]
@@ -97,7 +97,8 @@ def run(identify, machine, log, settings, columns=None):
 
 
 def judge(estimates, truth, names):
-    """Of each estimate, summed up: squared error, within two, healthy, healthy and beyond three; and the count."""
+    """Of each estimate, summed up: squared error of all samples and of the healthy ones, within two, healthy, healthy and
+    beyond three; and the count."""
     (head, rows), (true_head, true_rows) = estimates, truth
     healthy = head.index("healthy")
     sums = {}
@@ -105,7 +106,7 @@ def judge(estimates, truth, names):
         if true_name not in true_head:
             continue
         value, std, true_column = head.index(name), head.index(f"{name}_std"), true_head.index(true_name)
-        sums[name] = [0.0] * 5
+        sums[name] = [0.0] * 6
         for row, true_row in zip(rows, true_rows, strict=True):
             expected = number(true_row[true_column])
             if math.isnan(expected):
@@ -114,21 +115,22 @@ def judge(estimates, truth, names):
             if name == "heading":
                 error = abs(math.remainder(error, math.tau))
             good, deviation = number(row[healthy]), number(row[std])
-            one = [error * error, error < 2 * deviation, good, good and error > 3 * deviation, 1]
+            one = [error * error, good * error * error, error < 2 * deviation, good, good and error > 3 * deviation, 1]
             sums[name] = [a + b for a, b in zip(sums[name], one)]
     return sums
 
 
 def line(what, sums):
-    for name, (squares, within, healthy, wrong, count) in sums.items():
+    for name, (squares, healthy_squares, within, healthy, wrong, count) in sums.items():
         share = [within / count, healthy / count, wrong / count]
         error = math.sqrt(squares / count)
-        print(f"| {what} | `{name}` | {error:.3g} | {share[0]:.2f} | {share[1]:.2f} | {share[2]:.3f} |", flush=True)
+        of_healthy = f"{math.sqrt(healthy_squares / healthy):.3g}" if healthy > 0 else "-"
+        print(f"| {what} | `{name}` | {error:.3g} | {of_healthy} | {share[0]:.2f} | {share[1]:.2f} | {share[2]:.3f} |", flush=True)
 
 
 def add(into, sums):
     for name, values in sums.items():
-        into[name] = [a + b for a, b in zip(into.get(name, [0.0] * 5), values)]
+        into[name] = [a + b for a, b in zip(into.get(name, [0.0] * 6), values)]
 
 
 def truths(machine):
@@ -249,8 +251,8 @@ def main():
     if len(sys.argv) < 2:
         sys.exit(__doc__)
     for machine in sys.argv[2:] or MACHINES:
-        print(f"\n{machine}\n\n| log | estimate | error | within 2 std | healthy | healthy and beyond 3 std |")
-        print("|---|---|---|---|---|---|")
+        print(f"\n{machine}\n\n| log | estimate | error | while healthy | within 2 std | healthy | healthy and beyond 3 std |")
+        print("|---|---|---|---|---|---|---|")
         own_plant(sys.argv[1], machine)
         if machine == "wheeled-robot":
             multibody_car(sys.argv[1])
