@@ -43,6 +43,12 @@ impl Found {
         self.spread.hypot(self.bias).hypot(self.worst_colour().map_or(0.0, |(_, pull)| pull))
     }
 
+    /// Whether the log holds nothing of it: its regressor is nothing but sensor noise. A fit to such rows is near zero for
+    /// any true value, and small residuals are no proof of it.
+    pub fn tells_nothing(&self) -> bool {
+        self.noise_share > NOTHING_BUT_NOISE || !self.own_error().is_finite()
+    }
+
     fn worst_colour(&self) -> Option<(&str, f64)> {
         let all = self.coloured.iter().map(|(channel, pull)| (channel.as_str(), pull.abs()));
         all.max_by(|a, b| a.1.total_cmp(&b.1))
@@ -159,11 +165,11 @@ impl Findings {
         self.found.iter().map(|found| (found.name.as_str(), found.value))
     }
 
-    /// Standard error of each estimate with everything that is known of. It is infinite where the regressor is nothing
-    /// but sensor noise: a fit to such rows is near zero for any true value, and small residuals are no proof of it.
+    /// Standard error of each estimate with everything that is known of; infinite where the log
+    /// [tells nothing](Found::tells_nothing) of it.
     pub fn errors(&self, effects: &[Effect]) -> Vec<f64> {
         let of = |(index, found): (usize, &Found)| {
-            if found.noise_share > NOTHING_BUT_NOISE || !found.own_error().is_finite() {
+            if found.tells_nothing() {
                 return f64::INFINITY;
             }
             let considered: f64 = effects.iter().map(|effect| effect.shift[index].powi(2)).sum();

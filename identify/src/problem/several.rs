@@ -32,7 +32,7 @@ pub fn compare(logs: &[Option<Findings>], name: &str) -> Option<Comparison> {
         .filter_map(|(index, log)| {
             let found = log.as_ref()?.get(name)?;
             let error = found.own_error();
-            (error > 0.0 && error.is_finite() && !found.at_bound).then_some((index, found.value, error))
+            (error > 0.0 && !found.tells_nothing() && !found.at_bound).then_some((index, found.value, error))
         })
         .collect();
     if answers.len() < 2 {
@@ -60,7 +60,8 @@ pub fn compare(logs: &[Option<Findings>], name: &str) -> Option<Comparison> {
     Some(Comparison { reduced: chi2 / dof, contradicts: normal > CONTRADICTION, odd })
 }
 
-/// The shared parameters from the logs' answers, those of `free` being each log's own.
+/// The shared parameters from the logs' answers, those of `free` being each log's own. A log that tells nothing of a
+/// parameter has no share in it, unless no log tells of it.
 pub fn combine(logs: &[&Findings], free: &BTreeSet<String>) -> Option<Findings> {
     let mut names: Vec<&str> = Vec::new();
     for found in logs.iter().flat_map(|log| &log.found) {
@@ -69,13 +70,21 @@ pub fn combine(logs: &[&Findings], free: &BTreeSet<String>) -> Option<Findings> 
         }
     }
     let n = names.len();
+    let told: BTreeSet<&str> = logs
+        .iter()
+        .flat_map(|log| &log.found)
+        .filter(|found| !found.tells_nothing())
+        .map(|found| found.name.as_str())
+        .collect();
     let place = |name: &str| names.iter().position(|other| *other == name);
     let mut information = DMatrix::<f64>::zeros(n, n);
     // Weights of each log's estimates in the shared ones, once the information is complete.
     let mut parts: Vec<(DMatrix<f64>, Vec<usize>)> = Vec::new();
     for log in logs {
         // Marginal covariance of the shared ones: the log's own parameters are free in it already.
-        let kept: Vec<usize> = (0..log.found.len()).filter(|&i| !free.contains(&log.found[i].name)).collect();
+        let shares =
+            |found: &Found| !(free.contains(&found.name) || found.tells_nothing() && told.contains(&*found.name));
+        let kept: Vec<usize> = (0..log.found.len()).filter(|&i| shares(&log.found[i])).collect();
         let covariance = DMatrix::from_fn(kept.len(), kept.len(), |i, j| {
             let own = if i == j { 1e-12 * log.found[kept[i]].value.powi(2) + f64::MIN_POSITIVE } else { 0.0 };
             log.covariance[(kept[i], kept[j])] + own

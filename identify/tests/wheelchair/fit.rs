@@ -280,3 +280,10 @@ fn straight_climbs_tell_the_mass_and_nothing_of_the_turn() {
     }
     assert!(report.warnings.iter().all(|text| !text.contains("NaN") && !text.contains("inf")), "{:?}", report.warnings);
 }
+
+#[test]
+fn beside_a_log_that_turns_a_straight_one_has_no_share_in_the_yaw_inertia() {
+    let logs = [simulated("climb", 3, &[]), simulated("identification", 3, &[])];
+    let inertia = &run(&logs, &FitRequest::default()).parameters["chair.yaw_inertia"];
+    assert!(inertia.identified && (inertia.value - 7.0).abs() < 2.0 * inertia.std_error, "{inertia:?}");
+}
