@@ -1,6 +1,7 @@
 //! Built-in plants with sensors and noise: logs whose truth is known (`true_*` channels).
 
 use crate::log::Log;
+use wheelstate::variable::Variable;
 
 /// How the logs of a machine are simulated.
 #[derive(Clone, Copy)]
@@ -11,6 +12,56 @@ pub struct Simulation {
     pub run: fn(&Request) -> Result<Log, SimulateError>,
     /// Files that a scenario writes beside its log.
     pub companions: fn(&Request) -> Result<Vec<Companion>, SimulateError>,
+    /// Which of them can be driven on purpose, and what can be chosen about that.
+    pub manoeuvres: Manoeuvres,
+}
+
+/// Values by name.
+pub type Values = Vec<(String, f64)>;
+
+/// Scenarios that a driver can repeat with the machine, for the design of experiments.
+#[derive(Clone, Copy)]
+pub struct Manoeuvres {
+    /// Their names.
+    pub scenarios: &'static [&'static str],
+    /// What can be chosen about them.
+    pub knobs: &'static [Knob],
+    /// Inputs that the driver or the controller commands.
+    pub commands: &'static [&'static str],
+    /// The settings of the simulation, `plant.*` and `noise.*`.
+    pub settings: fn() -> Vec<Variable>,
+    /// Settings that make the plant one with these values of the estimator's parameters, by FMU name.
+    pub plant: fn(&[(String, f64)]) -> Values,
+    /// Ranges that are supposed of parameters of which nothing is known, not even a size: their declared value is zero.
+    pub supposed: &'static [(&'static str, f64, f64)],
+}
+
+impl Manoeuvres {
+    /// None: nothing of what the scenarios do can be commanded.
+    pub const NONE: Self = Self {
+        scenarios: &[],
+        knobs: &[],
+        commands: &[],
+        settings: Vec::new,
+        plant: |values| values.to_vec(),
+        supposed: &[],
+    };
+}
+
+/// A setting of manoeuvres.
+#[derive(Clone, Copy, Debug)]
+pub struct Knob {
+    /// Its name among the settings of the simulation, where its unit and its range stand.
+    pub name: &'static str,
+    /// The scenarios that it changes; empty for all.
+    pub scenarios: &'static [&'static str],
+}
+
+impl Knob {
+    /// Whether it changes a scenario.
+    pub fn acts_in(&self, scenario: &str) -> bool {
+        self.scenarios.is_empty() || self.scenarios.contains(&scenario)
+    }
 }
 
 /// A scenario that can be simulated.

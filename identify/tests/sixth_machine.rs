@@ -20,7 +20,7 @@ use wheelstate_identify::check::Checks;
 use wheelstate_identify::log::Log;
 use wheelstate_identify::problem::{FitError, FitRequest, Problem, Session, Target, Task};
 use wheelstate_identify::progress::Progress;
-use wheelstate_identify::simulate::{Request, Scenario, SimulateError, Simulation};
+use wheelstate_identify::simulate::{Manoeuvres, Request, Scenario, SimulateError, Simulation};
 use wheelstate_identify::solve;
 use wheelstate_identify::tune::{Objective, TuneRequest};
 use wheelstate_identify::vehicle::{Seat, Vehicle};
@@ -290,7 +290,12 @@ static VEHICLE: Vehicle = Vehicle {
         validate: |_| Vec::new(),
     },
     checks: Checks::NONE,
-    simulation: Simulation { scenarios: SCENARIOS, run: simulate, companions: |_| Ok(Vec::new()) },
+    simulation: Simulation {
+        scenarios: SCENARIOS,
+        run: simulate,
+        companions: |_| Ok(Vec::new()),
+        manoeuvres: Manoeuvres::NONE,
+    },
     needed: &[&["speed"]],
     noise_floors: |_| Vec::new(),
     body_tree: false,

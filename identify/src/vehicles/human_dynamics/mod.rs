@@ -4,7 +4,7 @@ pub mod checks;
 pub mod problem;
 pub mod simulate;
 
-use crate::simulate::Simulation;
+use crate::simulate::{Manoeuvres, Simulation};
 use crate::vehicle::{Seat, Vehicle};
 use wheelstate::estimator::human_dynamics::HumanDynamics;
 
@@ -19,6 +19,7 @@ pub static VEHICLE: Vehicle = Vehicle {
         scenarios: simulate::SCENARIOS,
         run: simulate::simulate,
         companions: simulate::companions,
+        manoeuvres: Manoeuvres::NONE,
     },
     needed: &[&["q_*"]],
     noise_floors: |_| Vec::new(),

@@ -15,7 +15,12 @@ pub static VEHICLE: Vehicle = Vehicle {
     estimator: Seat::of::<NursingRobot>(),
     problem: problem::PROBLEM,
     checks: checks::CHECKS,
-    simulation: Simulation { scenarios: simulate::SCENARIOS, run: simulate::simulate, companions: |_| Ok(Vec::new()) },
+    simulation: Simulation {
+        scenarios: simulate::SCENARIOS,
+        run: simulate::simulate,
+        companions: |_| Ok(Vec::new()),
+        manoeuvres: simulate::MANOEUVRES,
+    },
     needed: &[&["torque_left", "torque_right"], &["speed", "tilt", "tilt_rate"]],
     noise_floors: |_| Vec::new(),
     body_tree: false,

@@ -15,7 +15,12 @@ pub static VEHICLE: Vehicle = Vehicle {
     estimator: Seat::of::<WheelLoader>(),
     problem: problem::PROBLEM,
     checks: checks::CHECKS,
-    simulation: Simulation { scenarios: simulate::SCENARIOS, run: simulate::simulate, companions: |_| Ok(Vec::new()) },
+    simulation: Simulation {
+        scenarios: simulate::SCENARIOS,
+        run: simulate::simulate,
+        companions: |_| Ok(Vec::new()),
+        manoeuvres: simulate::MANOEUVRES,
+    },
     needed: &[
         &["torque_front", "torque_rear", "brake_front", "brake_rear"],
         &["speed", "wheel_speed_front", "wheel_speed_rear"],

@@ -1,7 +1,7 @@
 //! The wheel loader's scenarios: rough roads, spading, constant torque, accelerating and braking.
 
 use crate::log::Log;
-use crate::simulate::{Request, Scenario, SimulateError};
+use crate::simulate::{Knob, Manoeuvres, Request, Scenario, SimulateError};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -19,6 +19,28 @@ pub const SCENARIOS: &[Scenario] = &[
     Scenario { name: "constant-torque", about: "20 s: standstill, 10 s of small constant torque, braking" },
     Scenario { name: "accelerate-brake", about: "30 s of accelerating, braking and coasting on a good road" },
 ];
+
+/// What can be driven on purpose.
+pub const MANOEUVRES: Manoeuvres = Manoeuvres {
+    scenarios: &["bumpy-c", "bumpy-d", "spade", "spade-heavy", "constant-torque", "accelerate-brake"],
+    knobs: &[
+        Knob { name: "plant.length", scenarios: &[] },
+        Knob { name: "plant.torque", scenarios: &[] },
+        Knob { name: "plant.grade", scenarios: &[] },
+        Knob { name: "plant.roughness", scenarios: &[] },
+    ],
+    commands: &["torque_front", "torque_rear", "brake_front", "brake_rear", "spading_force_x", "spading_force_z"],
+    settings: Settings::declare,
+    plant: |values| {
+        let known = Settings::declare();
+        let of = |(name, value): &(String, f64)| {
+            let name = name.strip_prefix("initial.").map_or(name.clone(), |unknown| format!("plant.{unknown}"));
+            known.iter().any(|setting| setting.name == name).then_some((name, *value))
+        };
+        values.iter().filter_map(of).collect()
+    },
+    supposed: &[],
+};
 
 /// Reduction from the motors, whose torques the scenarios are stated in, to the wheels.
 const REDUCTION: f64 = 20.0;

@@ -4,7 +4,7 @@
 //! chair. `plant.*` makes the plant differ from what an estimator with these parameters assumes.
 
 use crate::log::Log;
-use crate::simulate::{Request, Scenario, SimulateError};
+use crate::simulate::{Knob, Manoeuvres, Request, Scenario, SimulateError};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
@@ -31,6 +31,21 @@ pub const SCENARIOS: &[Scenario] = &[
         about: "40 s of pushes in both directions and turns, for the fit; initial.heading = 1",
     },
 ];
+
+/// What can be driven on purpose.
+pub const MANOEUVRES: Manoeuvres = Manoeuvres {
+    scenarios: &["climb", "oblique", "yaw-moment", "identification"],
+    knobs: &[
+        Knob { name: "plant.duration", scenarios: &[] },
+        Knob { name: "plant.effort", scenarios: &[] },
+        Knob { name: "plant.slope", scenarios: &["climb", "oblique", "yaw-moment"] },
+    ],
+    commands: &["drive_force", "drive_moment"],
+    settings: Settings::declare,
+    plant: |values| values.to_vec(),
+    // A hard floor to a soft carpet, and casters.
+    supposed: &[("rolling.coefficient", 0.0, 0.02), ("chair.yaw_friction", 0.0, 1.5)],
+};
 
 variables! {
     /// The plant beyond the estimator's parameters.
@@ -81,6 +96,8 @@ variables! {
         slope_edge: f64 = 0.5, "s", [0.0, 1e6];
         /// Duration.
         duration: f64 = 10.0, "s", [0.1, 36000.0];
+        /// Force and moment as a multiple of the scenario's.
+        effort: f64 = 1.0, "1", [0.0, 10.0];
     }
 }
 
@@ -226,7 +243,7 @@ fn run(request: &Request, course: Course, assumed: &Parameters, settings: &Setti
     let mut columns = CHANNELS.map(|_| Vec::with_capacity(samples));
     for _ in 0..samples {
         let truth = plant.truth();
-        let command = course.command(plant.time(), truth.speed);
+        let command = course.command(plant.time(), truth.speed).map(|each| settings.plant.effort * each);
         let reading = plant.measure(command, &draw(&settings.noise, &mut rng));
         let row = [
             reading.encoder_left,

@@ -16,7 +16,12 @@ pub static VEHICLE: Vehicle = Vehicle {
     estimator: Seat::of::<WheeledRobot>(),
     problem: problem::PROBLEM,
     checks: checks::CHECKS,
-    simulation: Simulation { scenarios: simulate::SCENARIOS, run: simulate::simulate, companions: |_| Ok(Vec::new()) },
+    simulation: Simulation {
+        scenarios: simulate::SCENARIOS,
+        run: simulate::simulate,
+        companions: |_| Ok(Vec::new()),
+        manoeuvres: simulate::MANOEUVRES,
+    },
     needed: &[&["steering_angle", "drive_torque_*", "brake_torque_*", "wheel_speed_*", "gyro_z"]],
     noise_floors,
     body_tree: false,

@@ -1,7 +1,7 @@
 //! Four-wheeled robot: manoeuvres with noisy sensors.
 
 use crate::log::Log;
-use crate::simulate::{Request, Scenario, SimulateError};
+use crate::simulate::{Knob, Manoeuvres, Request, Scenario, SimulateError};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -20,6 +20,31 @@ pub const SCENARIOS: &[Scenario] = &[
     Scenario { name: "accelerate-brake", about: "hard acceleration, coasting, braking, with little steering" },
     Scenario { name: "low-friction", about: "double lane change on slippery ground (friction 0.35 instead of 0.8)" },
 ];
+
+/// What can be driven on purpose.
+pub const MANOEUVRES: Manoeuvres = Manoeuvres {
+    scenarios: &["sine", "vector", "lane-change", "step-steer", "accelerate-brake"],
+    knobs: &[
+        Knob { name: "plant.duration", scenarios: &[] },
+        Knob { name: "plant.speed", scenarios: &[] },
+        Knob { name: "plant.lateral", scenarios: &["sine", "lane-change", "step-steer", "accelerate-brake"] },
+        Knob { name: "plant.longitudinal", scenarios: &["sine", "accelerate-brake"] },
+    ],
+    commands: &[
+        "steering_angle",
+        "drive_torque_fl",
+        "drive_torque_fr",
+        "drive_torque_rl",
+        "drive_torque_rr",
+        "brake_torque_fl",
+        "brake_torque_fr",
+        "brake_torque_rl",
+        "brake_torque_rr",
+    ],
+    settings: Simulation::declare,
+    plant: |values| values.to_vec(),
+    supposed: &[("rolling.coefficient", 0.0, 0.03)],
+};
 
 variables! {
     /// The plant beyond the estimator's parameters.

@@ -8,11 +8,11 @@
 mod settings;
 
 use crate::log::Log;
-use crate::simulate::{Request, Scenario, SimulateError};
+use crate::simulate::{Knob, Manoeuvres, Request, Scenario, SimulateError};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use settings::{Chosen, NoiseSettings, person};
+use settings::{Chosen, NoiseSettings, Settings, person};
 use std::f64::consts::{PI, TAU};
 use wheelstate::estimator::nursing_robot::{Inputs, NursingRobot, Parameters};
 use wheelstate::plant::nursing_robot::{Command, NursingRobotPlant, STEP, SpeedLoop};
@@ -37,6 +37,23 @@ pub const SCENARIOS: &[Scenario] = &[
     },
     Scenario { name: "identification", about: "40 s of excitation by force and slalom, for the fit" },
 ];
+
+/// What can be driven on purpose: where the patient does nothing of his own.
+pub const MANOEUVRES: Manoeuvres = Manoeuvres {
+    scenarios: &["smooth-start", "abrupt-start", "identification"],
+    knobs: &[
+        Knob { name: "plant.duration", scenarios: &[] },
+        Knob { name: "plant.effort", scenarios: &["identification"] },
+    ],
+    commands: &["torque_left", "torque_right", "speed", "yaw_rate"],
+    settings: Settings::declare,
+    // The patient is the one of the logs.
+    plant: |values| {
+        let patient = ("plant.draw_patient".to_owned(), 0.0);
+        values.iter().cloned().chain([patient]).collect()
+    },
+    supposed: &[],
+};
 
 /// 5 km/h.
 const CRUISE: f64 = 5.0 / 3.6;
@@ -118,6 +135,16 @@ fn excitation(t: f64) -> Command {
     Command::Speed { speed, yaw_rate, force }
 }
 
+/// The same with so many times the force and yaw rate.
+fn harder(command: &Command, effort: f64) -> Command {
+    match *command {
+        Command::Speed { speed, yaw_rate, force } => {
+            Command::Speed { speed, yaw_rate: effort * yaw_rate, force: effort * force }
+        }
+        Command::Torque(torque) => Command::Torque(torque.map(|each| effort * each)),
+    }
+}
+
 /// Active hip torque of coughs: half sines of 40 N m over 0.25 s.
 fn cough(starts: &[f64], t: f64) -> f64 {
     let since = starts.iter().map(|start| t - start).filter(|since| (0.0..0.25).contains(since));
@@ -186,7 +213,7 @@ pub fn run(request: &Request) -> Result<Run, SimulateError> {
             let t = now as f64 * STEP;
             events(scenario, t, &successor, &truth, &mut plant);
             let active = cough(plan.coughs, t);
-            plant.advance(&(plan.command)(t), [0.0, active]);
+            plant.advance(&harder(&(plan.command)(t), chosen.settings.plant.effort), [0.0, active]);
             now += 1;
         }
         recorder.sample(time, &plant, cough(plan.coughs, time), &chosen.settings.noise, &mut rng);

@@ -14,6 +14,8 @@ variables! {
     pub struct PlantSettings {
         /// Length of the log; 0 takes that of the scenario.
         duration: f64 = 0.0, "s", [0.0, 86400.0];
+        /// Force and yaw rate beside the speed as a multiple of the scenario's.
+        effort: f64 = 1.0, "1", [0.0, 10.0];
         /// Yaw moment of inertia of the robot.
         yaw_inertia: f64 = 20.0, "kg.m2", [1e-3, 1e5];
         /// Largest wheel torque of a motor.
