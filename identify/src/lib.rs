@@ -5,6 +5,7 @@
 //!                               tune/    (noise by replay)                                   -> result -> report/
 //!                               run/     (estimates by replay)                               -> report/
 //! simulate (plants + noise) -> log file
+//!                               design/  (fits of simulated logs)
 //! ```
 //!
 //! [`problem`], [`mod@simulate`] and [`tune`] hold what is common to all machines. What is a machine's own stands in its
@@ -17,13 +18,14 @@
 //! `solve` and `result` stand at the bottom and know no log file, no machine and no command line; `assess` and `report`
 //! use `result`; `problem` uses `solve`, `assess` and `result`; `tune` and `run` use `result` and share `replay`; `vehicle` joins
 //! problem, simulation, tuning and runs; a machine of `vehicles` uses all of these but never another machine; `checked`,
-//! `fleet` and `values` are what the command line and the Python package share; `cli` uses everything.
+//! `design`, `fleet` and `values` are what the command line and the Python package share; `cli` uses everything.
 //! `tests/walls/arrows.rs` of the repository is the whole list, and a test enforces it.
 
 pub mod assess;
 pub mod check;
 pub mod checked;
 pub mod cli;
+pub mod design;
 pub mod estimate;
 pub mod finding;
 pub mod fleet;

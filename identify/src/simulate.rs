@@ -34,6 +34,8 @@ pub struct Manoeuvres {
     pub plant: fn(&[(String, f64)]) -> Values,
     /// Ranges that are supposed of parameters of which nothing is known, not even a size: their declared value is zero.
     pub supposed: &'static [(&'static str, f64, f64)],
+    /// Parameters whose standard errors simulated drives do not foresee: nothing is promised of them.
+    pub unforeseen: &'static [&'static str],
 }
 
 impl Manoeuvres {
@@ -45,6 +47,7 @@ impl Manoeuvres {
         settings: Vec::new,
         plant: |values| values.to_vec(),
         supposed: &[],
+        unforeseen: &[],
     };
 }
 

@@ -1,5 +1,6 @@
 //! Values of parameters as people and programs write them: settings by name, and the texts of files.
 
+use crate::result::FitReport;
 use crate::vehicle::Vehicle;
 use serde_json::Value;
 use wheelstate::variable::{Kind, Variable};
@@ -83,6 +84,21 @@ pub fn start(vehicle: &Vehicle, source: &str, text: &str) -> Result<Vec<(String,
         values.push((name.clone(), number));
     }
     Ok(values)
+}
+
+/// What is known before an experiment: a whole fit, or start values by FMU name.
+pub type Before = (Option<FitReport>, Vec<(String, f64)>);
+
+/// What is known before an experiment, from the text of a file: a whole `fit.json`, or start values as [`start`] reads
+/// them.
+pub fn known(vehicle: &Vehicle, source: &str, text: &str) -> Result<Before, String> {
+    let values = start(vehicle, source, text)?;
+    let json: Value = serde_json::from_str(text).map_err(|e| format!("{source}: {e}"))?;
+    if json.get("format_version").is_none() {
+        return Ok((None, values));
+    }
+    let fit = serde_json::from_value(json).map_err(|e| format!("{source}: not readable as fit.json: {e}"))?;
+    Ok((Some(fit), Vec::new()))
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ mod check;
 mod cli;
 mod convert;
 mod coverage;
+mod design;
 mod profile;
 mod ranges;
 mod report;

@@ -134,11 +134,13 @@ pub const CRATES: &[Crate] = &[
             // What the command line and the Python package share.
             ("checked", &["finding", "problem", "result", "vehicle", "wheelstate", "wheelstate_log"]),
             ("fleet", &["check", "problem", "result", "vehicle", "wheelstate_log"]),
+            ("design", &["check", "checked", "finding", "problem", "result", "simulate", "vehicle", "wheelstate_log"]),
             ("values", &["result", "vehicle", "wheelstate::variable"]),
             (
                 "cli",
                 &[
                     "checked",
+                    "design",
                     "estimate",
                     "finding",
                     "problem",

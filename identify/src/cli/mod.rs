@@ -2,6 +2,7 @@
 
 mod check;
 mod convert;
+mod design;
 mod fit;
 mod human;
 mod maps;
@@ -55,6 +56,8 @@ enum Command {
     Run(run::RunArgs),
     /// Make a log with a built-in plant; its true_* columns hold the truth.
     Simulate(simulate::SimulateArgs),
+    /// Say what to drive next: manoeuvres compared by the intervals that a fit with them would have.
+    Design(design::DesignArgs),
     /// Rewrite a log with the names and units of the FMU's inputs, for fmpy and other tools.
     Convert(convert::ConvertArgs),
     /// Estimate every quantity of a body over a whole log.
@@ -139,6 +142,7 @@ pub fn run(
         Command::Tune(args) => tune::run(&args),
         Command::Run(args) => run::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Design(args) => design::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Estimate(args) => human::estimate(&args),
         Command::Bench(args) => human::bench(&args),

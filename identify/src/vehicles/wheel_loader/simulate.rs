@@ -40,6 +40,7 @@ pub const MANOEUVRES: Manoeuvres = Manoeuvres {
         values.iter().filter_map(of).collect()
     },
     supposed: &[],
+    unforeseen: &[],
 };
 
 /// Reduction from the motors, whose torques the scenarios are stated in, to the wheels.

@@ -45,6 +45,7 @@ pub const MANOEUVRES: Manoeuvres = Manoeuvres {
     plant: |values| values.to_vec(),
     // A hard floor to a soft carpet, and casters.
     supposed: &[("rolling.coefficient", 0.0, 0.02), ("chair.yaw_friction", 0.0, 1.5)],
+    unforeseen: &[],
 };
 
 variables! {

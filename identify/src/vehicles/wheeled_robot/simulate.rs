@@ -44,6 +44,7 @@ pub const MANOEUVRES: Manoeuvres = Manoeuvres {
     settings: Simulation::declare,
     plant: |values| values.to_vec(),
     supposed: &[("rolling.coefficient", 0.0, 0.03)],
+    unforeseen: &[],
 };
 
 variables! {
