@@ -63,7 +63,7 @@ def test_another_name_is_refused_with_the_names_that_there_are():
 def test_help_and_messages_name_the_command_that_was_called(command, tmp_path):
     shown = run(command, "--help")
     assert shown.returncode == 0 and "identify " not in shown.stdout
-    for word in ("fit", "check", "tune", "simulate", "convert", "estimate", "run", "pack"):
+    for word in ("fit", "check", "tune", "simulate", "convert", "estimate", "run", "design", "pack"):
         assert f"\n  {word} " in shown.stdout, word
         told = run(command, word, "--help")
         assert told.returncode == 0 and f"wheelstate {word}" in told.stdout, told.stdout + told.stderr

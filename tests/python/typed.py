@@ -22,6 +22,11 @@ def ride(path: Path, frame: pd.DataFrame, table: pl.DataFrame) -> None:
     if covariance is not None:
         assert_type(covariance.of("chair.mass", "chair.mass"), float)
     fit.report("fit.html")
+    plan = wheelstate.design("wheelchair", log, parameters=fit, interest=["chair.mass"], limit={"plant.effort": (0.5, 1.5)})
+    best = plan.best
+    if best is not None:
+        promise = best.promises["chair.mass"]
+        print(best.scenario, best.duration, "unknown" if promise is None else (promise.low, promise.high))
     run = wheelstate.run("Wheelchair", log, parameters=fit, set={"filter.kind": "basic"})
     print(run.to_pandas()["slope"].max(), run["slope_std"].max(), run.units["slope"])
     assert_type(wheelstate.pack("Wheelchair", fit, out="out"), Path)

@@ -226,6 +226,7 @@ pub const CRATES: &[Crate] = &[
             ("log", &["arrow", "error", "names", "wheelstate_identify", "wheelstate_log", "work"]),
             ("machine", &["error", "log", "names", "wheelstate_fmu::pack", "wheelstate_identify", "work"]),
             ("fit", &["error", "log", "names", "wheelstate_identify", "wheelstate_log", "work"]),
+            ("design", &["error", "fit", "log", "names", "wheelstate_identify", "work"]),
             ("fleet", &["error", "fit", "log", "names", "wheelstate_identify::fleet"]),
             ("run", &["error", "fit", "log", "names", "wheelstate_identify", "work"]),
             ("command", &["wheelstate_fmu::pack", "wheelstate_identify::cli"]),

@@ -26,7 +26,7 @@ pub struct Fit {
 }
 
 impl Fit {
-    fn new(report: FitReport) -> PyResult<Self> {
+    pub fn new(report: FitReport) -> PyResult<Self> {
         Ok(Self { json: report.to_json().map_err(error)?, report })
     }
 }
@@ -93,6 +93,19 @@ impl Start {
             (None, None) => Ok(Vec::new()),
         }
     }
+
+    /// What is known before an experiment: a whole fit, or start values.
+    pub fn known(&self, vehicle: &Vehicle) -> PyResult<values::Before> {
+        match (&self.file, &self.text) {
+            (Some(path), _) => {
+                let source = path.display().to_string();
+                let text = std::fs::read_to_string(path).map_err(|e| error(format!("{source}: {e}")))?;
+                values::known(vehicle, &source, &text).map_err(error)
+            }
+            (None, Some(text)) => values::known(vehicle, "parameters", text).map_err(error),
+            (None, None) => Ok((None, Vec::new())),
+        }
+    }
 }
 
 impl Start {
@@ -113,7 +126,7 @@ fn json(findings: &[Finding]) -> PyResult<String> {
     serde_json::to_string(findings).map_err(error)
 }
 
-fn inner(logs: &[Log]) -> Vec<Inner> {
+pub fn inner(logs: &[Log]) -> Vec<Inner> {
     logs.iter().map(|log| (*log.inner).clone()).collect()
 }
 

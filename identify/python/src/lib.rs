@@ -3,6 +3,7 @@
 //! ```text
 //! wheelstate/*.py --> log      logs from files, tables and Arrow streams, and back without a copy
 //!                     fit      check, fit, tune
+//!                     design   what to drive next
 //!                     fleet    blocks that travel, two fits beside each other
 //!                     run      logs through an estimator
 //!                     machine  simulate, pack
@@ -15,6 +16,7 @@
 
 mod arrow;
 mod command;
+mod design;
 mod error;
 mod fit;
 mod fleet;
@@ -31,6 +33,8 @@ use pyo3::prelude::*;
 mod _native {
     #[pymodule_export]
     use crate::command::command;
+    #[pymodule_export]
+    use crate::design::design;
     #[pymodule_export]
     use crate::error::{Error, LogError, Refused};
     #[pymodule_export]

@@ -9,6 +9,7 @@ Everything is done by the Rust packages; the command `wheelstate` is the same co
 one-line messages.
 """
 
+from ._design import Candidate, Interest, Plan, Promise, design
 from ._fit import Covariance, Finding, Fit, Parameter, Profile, check, fit, scenarios, simulate, tune
 from ._fleet import Block, Difference, compare, compress, merge
 from ._fmu import fmu, pack
@@ -18,21 +19,26 @@ from ._run import Run, run
 
 __all__ = [
     "Block",
+    "Candidate",
     "Covariance",
     "Difference",
     "Error",
     "Finding",
     "Fit",
+    "Interest",
     "Log",
     "LogError",
     "Parameter",
+    "Plan",
     "Profile",
+    "Promise",
     "Refused",
     "Run",
     "__version__",
     "check",
     "compare",
     "compress",
+    "design",
     "fit",
     "fmu",
     "machines",

@@ -94,6 +94,9 @@ def fit(
 def tune(
     name: str, logs: Sequence[Log], held_out: Sequence[Log], start: _Start, options: dict[str, Any], tell: _Tell
 ) -> Fit: ...
+def design(
+    name: str, logs: Sequence[Log], start: _Start, options: dict[str, Any], tell: _Tell
+) -> tuple[str, str, Log | None]: ...
 def run(
     name: str, log: Log, start: _Start, settings: _Texts, clock: str, smooth: bool, tell: _Tell
 ) -> tuple[Log, list[tuple[str, str]], float, list[str], list[str], str]: ...
