@@ -9,7 +9,7 @@ use crate::log::Log;
 use crate::log::columns::nearest;
 use crate::problem::{FitRequest, Target};
 use crate::progress::{Interrupted, Progress};
-use crate::result::FitReport;
+use crate::result::{FitReport, Parameter};
 use crate::simulate::{Request, SimulateError, Values};
 use crate::vehicle::Vehicle;
 use rayon::prelude::*;
@@ -21,6 +21,9 @@ const MOST_LIMITS: usize = 3;
 const NOISIER: f64 = 1.5;
 /// Natural logarithm of what an unknown parameter's relative standard error counts as, so that no known one outweighs it.
 const UNKNOWN: f64 = 1e3;
+
+/// An estimate that is so many standard errors from the drawn machine is none: of a drive that does not excite it.
+const MISSES: f64 = 10.0;
 
 /// Every so many of the drawn machines is the fitted one, as far as that is known.
 const FITTED: u64 = 3;
@@ -338,7 +341,15 @@ impl<'a> Study<'a> {
                 let machine = self.supposed.draw(first.wrapping_add(draw), scale);
                 let seed = |k: usize| first.wrapping_add(draw).wrapping_add(1000 * k as u64);
                 let seeds: Vec<u64> = (0..times).map(seed).collect();
-                let fit = self.fitted(scenario, settings, &machine, &seeds);
+                let mut fit = self.fitted(scenario, settings, &machine, &seeds);
+                // What misses the machine that drove by many of its standard errors tells nothing of it.
+                if let Some((report, _)) = &mut fit {
+                    let misses = |name: &str, p: &Parameter| {
+                        let truth = machine.iter().find(|(other, _)| other == name);
+                        truth.is_some_and(|(_, truth)| (p.value - truth).abs() > MISSES * p.std_error)
+                    };
+                    report.parameters.retain(|name, parameter| !misses(name, parameter));
+                }
                 progress.advance(1);
                 Ok(fit)
             })
