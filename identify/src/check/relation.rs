@@ -231,6 +231,8 @@ impl Gram {
 pub struct Answer {
     /// Correlation of both sides at the best lag.
     pub correlation: f64,
+    /// The same without a delay.
+    pub correlation_now: f64,
     /// Ratio of their sizes.
     pub gain: f64,
     /// Its sign and size hold in every part of the log.
@@ -425,7 +427,8 @@ pub fn answer(signals: &Signals, relation: &Relation) -> Option<Answer> {
     // Lags are found on a grid: no delay is known better than a part of its step.
     let delay_std = if inside { variance.sqrt().max(0.05 * step) } else { f64::INFINITY };
     let explained_now = total[reach].explained();
-    Some(Answer { correlation, gain, steady, explained, explained_now, delay, delay_std })
+    let (correlation_now, _) = total[reach].first();
+    Some(Answer { correlation, correlation_now, gain, steady, explained, explained_now, delay, delay_std })
 }
 
 /// Proportions that a wrong unit makes, its words, and what a map must say.
@@ -507,6 +510,10 @@ fn gain(log: &Log, relation: &Relation, answer: &Answer) -> Option<Finding> {
     }
     let channel = format!("{}, {}", relation.y.names(), relation.x[0].names());
     if answer.correlation < 0.0 {
+        // Half a period of an oscillation turns the sign, too: one that is wrong is so without a delay.
+        if answer.correlation_now > -0.5 * CLEAR {
+            return None;
+        }
         let message = format!("{}: they have opposite signs (correlation {:.2})", relation.what, answer.correlation);
         let what = "one of them has another sign convention (SAE: y right, z down; or a wheel counted backwards): scale = -1 in a column map";
         return Some(finding(log, "sign-mismatch", severity, channel).says(message, what));
@@ -543,7 +550,9 @@ fn gain(log: &Log, relation: &Relation, answer: &Answer) -> Option<Finding> {
 fn delay(signals: &Signals, relation: &Relation, answer: &Answer) -> Option<Finding> {
     let Answer { delay, delay_std, explained, .. } = *answer;
     let harmless = HARMLESS.max(signals.period);
-    if !relation.delay || explained < EXPLAINED || delay.abs() - SURE * delay_std <= harmless {
+    // Signals whose proportion is known to be positive are not delayed into opposite ones.
+    let opposite = relation.gain != Gain::Any && answer.correlation < 0.0;
+    if !relation.delay || opposite || explained < EXPLAINED || delay.abs() - SURE * delay_std <= harmless {
         return None;
     }
     if let Gain::Shown(size, factor) = relation.gain {
