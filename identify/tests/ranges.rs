@@ -35,8 +35,9 @@ fn a_negative_rolling_coefficient_of_a_robot_is_never_identified() {
         let rolling = &report.parameters["rolling.coefficient"];
         println!("bias {bias}: {rolling:?}");
         assert!(!rolling.identified || rolling.value > 0.0, "bias {bias}: {rolling:?}");
-        // A clear contradiction is told; that the resistance is too small to be seen is none.
-        assert_eq!(rolling.at_bound, bias == 0.3, "bias {bias}: {rolling:?}");
+        // The speed shows a large bias, which is told; that the resistance is too small to be seen is no contradiction.
+        let told = report.notes.iter().any(|line| line.starts_with("accel_x of") && line.contains("than"));
+        assert!(bias.abs() < 0.1 || told && !rolling.identified, "bias {bias}: {rolling:?} {:?}", report.notes);
         if bias.abs() < 0.1 {
             assert!(!report.warnings.iter().any(|line| line.contains("rolling")), "bias {bias}: {:?}", report.warnings);
         }
