@@ -33,7 +33,7 @@ def test_the_plan_names_the_drive_that_turns_and_its_fit_has_the_promised_error(
 
 def test_the_plan_shows_itself_and_has_the_commands_to_drive(plan):
     assert "drive next: identification" in str(plan) and "drive next" in plan._repr_html_() and "identification" in repr(plan)
-    assert plan.inputs is not None and sorted(plan.inputs) == ["drive_force", "drive_moment"]
+    assert plan.inputs is not None and sorted(plan.inputs) == ["drive_force", "drive_moment", "time"]
     assert plan.to_dict()["candidates"][0]["scenario"] == "identification" and "supposed within" in "".join(plan.notes)
 
 
