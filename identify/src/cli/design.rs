@@ -22,7 +22,8 @@ Examples:
 
 Machines that the fit of the present logs allows are drawn. Each drives each manoeuvre on the built-in plant; the present
 logs and the new one are fitted together, and the standard error of that fit is promised: its median, and the range that
-90 % of drives lie in. '?' marks what most of these fits do not identify. The best manoeuvre comes first, with what driving
+90 % of drives lie in. '?' marks what most of these fits do not identify: the range
+then has no lower end. The best manoeuvre comes first, with what driving
 it twice and four times would give. Parameters that nothing is known of are supposed between half and twice
 their value (of fit.json, --set or the declaration); --prior says better. Without logs the promise is that of the new log
 alone. Without --limit the settings of a manoeuvre are those of `identify simulate`; --list shows what can be searched.

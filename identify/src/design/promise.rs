@@ -24,7 +24,8 @@ const OF_PLANT: f64 = 1.2;
 pub struct Promise {
     /// The median over the drawn machines, in the parameter's unit.
     pub std_error: f64,
-    /// Lower end of the range that it lies in with the plan's `probability`.
+    /// Lower end of the range that it lies in with the plan's `probability`; 0 where half of the fits or more do not identify
+    /// the parameter: what little a drive tells then depends on values that the present logs do not, and may be much more.
     pub low: f64,
     /// Upper end.
     pub high: f64,
@@ -53,13 +54,14 @@ pub fn promise(name: &str, fits: &[FitReport], tried: usize) -> Option<Promise> 
     let median = 0.5 * (errors[(n - 1) / 2] + errors[n / 2]);
     let shares = all.iter().map(|p| (p.sampling_std / p.std_error).min(1.0)).filter(|share| share.is_finite());
     let noise = shares.fold(0.0, |sum, share| sum + share) / n as f64;
+    let identified = all.iter().filter(|p| p.identified).count() as f64 / tried as f64;
     Some(Promise {
         std_error: median,
-        low: errors[0] / OF_PLANT,
+        low: if identified > 0.5 { errors[0] / OF_PLANT } else { 0.0 },
         high: errors[n - 1] * OF_PLANT,
         by_noise: noise * median,
         limited_by: largest_cause(&all),
-        identified: all.iter().filter(|p| p.identified).count() as f64 / tried as f64,
+        identified,
     })
 }
 
@@ -131,6 +133,6 @@ mod tests {
     fn what_half_of_the_drives_do_not_tell_is_not_promised() {
         let fits = [fit(1.0), fit(1.1), FitReport::default(), FitReport::default()];
         assert_eq!(promise("a", &fits, 4), None);
-        assert_eq!(promise("a", &fits, 3).map(|p| p.identified), Some(2.0 / 3.0));
+        assert_eq!(promise("a", &fits, 3).map(|p| (p.identified, p.low > 0.0)), Some((2.0 / 3.0, true)));
     }
 }
