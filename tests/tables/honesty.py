@@ -1,5 +1,6 @@
-"""Tables of what the estimates are worth: error of all samples and of the healthy ones, share within two reported standard deviations, share healthy, and
-share healthy and beyond three, of every machine on its built-in plant, on plants of other programs and on recordings.
+"""Tables of what the estimates are worth: error of all samples and of the healthy ones, share within two reported
+standard deviations, share healthy, and share healthy and beyond three, of every machine on its built-in plant, on plants
+of other programs and on recordings.
 
     python tests/tables/honesty.py IDENTIFY [MACHINE...]
 

@@ -83,27 +83,27 @@ pub struct Start {
 
 impl Start {
     fn values(&self, vehicle: &Vehicle) -> PyResult<Vec<(String, f64)>> {
-        match (&self.file, &self.text) {
-            (Some(path), _) => {
-                let source = path.display().to_string();
-                let text = std::fs::read_to_string(path).map_err(|e| error(format!("{source}: {e}")))?;
-                values::start(vehicle, &source, &text).map_err(error)
-            }
-            (None, Some(text)) => values::start(vehicle, "parameters", text).map_err(error),
-            (None, None) => Ok(Vec::new()),
+        match self.source()? {
+            Some((source, text)) => values::start(vehicle, &source, &text).map_err(error),
+            None => Ok(Vec::new()),
         }
+    }
+
+    /// Where the values come from, for messages, and their text.
+    fn source(&self) -> PyResult<Option<(String, String)>> {
+        let Some(path) = &self.file else {
+            return Ok(self.text.clone().map(|text| ("parameters".to_owned(), text)));
+        };
+        let source = path.display().to_string();
+        let text = std::fs::read_to_string(path).map_err(|e| error(format!("{source}: {e}")))?;
+        Ok(Some((source, text)))
     }
 
     /// What is known before an experiment: a whole fit, or start values.
     pub fn known(&self, vehicle: &Vehicle) -> PyResult<values::Before> {
-        match (&self.file, &self.text) {
-            (Some(path), _) => {
-                let source = path.display().to_string();
-                let text = std::fs::read_to_string(path).map_err(|e| error(format!("{source}: {e}")))?;
-                values::known(vehicle, &source, &text).map_err(error)
-            }
-            (None, Some(text)) => values::known(vehicle, "parameters", text).map_err(error),
-            (None, None) => Ok((None, Vec::new())),
+        match self.source()? {
+            Some((source, text)) => values::known(vehicle, &source, &text).map_err(error),
+            None => Ok((None, Vec::new())),
         }
     }
 }
