@@ -4,7 +4,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use wheelstate::estimator::wheeled_robot::{Channels, Inputs, Outputs, Parameters, WheeledRobot};
-use wheelstate::plant::wheeled_robot::{Controls, Machine, TireLaw};
+use wheelstate::plant::wheeled_robot::{Controls, Machine, State, TireLaw, Truth};
 use wheelstate::{Estimator, Variables};
 
 /// Sample period, s.
@@ -50,30 +50,36 @@ pub fn drive(seed: u64, seconds: f64, speed: f64, swing: f64) -> Vec<(Inputs, [f
             let torque = 0.1 * (speed - x[0]).clamp(-5.0, 5.0) * 9.0;
             let controls = Controls { steering: steer, drive: [torque; 4], brake: [0.0; 4] };
             let truth = machine.truth(&x, &controls);
-            let sample = Inputs {
-                steering_angle: steer + noise(0.003),
-                drive_torque_fl: torque + noise(0.05),
-                drive_torque_fr: torque + noise(0.05),
-                drive_torque_rl: torque + noise(0.05),
-                drive_torque_rr: torque + noise(0.05),
-                brake_torque_fl: 0.0,
-                brake_torque_fr: 0.0,
-                brake_torque_rl: 0.0,
-                brake_torque_rr: 0.0,
-                wheel_speed_fl: x[3] + noise(0.03),
-                wheel_speed_fr: x[4] + noise(0.03),
-                wheel_speed_rl: x[5] + noise(0.03),
-                wheel_speed_rr: x[6] + noise(0.03),
-                accel_x: truth.accel[0] + noise(0.1),
-                accel_y: truth.accel[1] + noise(0.1),
-                gyro_z: x[2] + noise(0.01),
-                speed: f64::NAN,
-            };
+            let sample = sensed(&x, &truth, &controls, &mut noise);
             let motion = [x[0], x[1], x[2]];
             x = machine.advance(&x, DT, |_| controls);
             (sample, motion)
         })
         .collect()
+}
+
+/// What the sensors of a robot show, `noise` being drawn with a standard deviation.
+pub fn sensed(x: &State, truth: &Truth, controls: &Controls, noise: &mut impl FnMut(f64) -> f64) -> Inputs {
+    let Controls { steering, drive, brake } = *controls;
+    Inputs {
+        steering_angle: steering + noise(0.003),
+        drive_torque_fl: drive[0] + noise(0.05),
+        drive_torque_fr: drive[1] + noise(0.05),
+        drive_torque_rl: drive[2] + noise(0.05),
+        drive_torque_rr: drive[3] + noise(0.05),
+        brake_torque_fl: brake[0],
+        brake_torque_fr: brake[1],
+        brake_torque_rl: brake[2],
+        brake_torque_rr: brake[3],
+        wheel_speed_fl: x[3] + noise(0.03),
+        wheel_speed_fr: x[4] + noise(0.03),
+        wheel_speed_rl: x[5] + noise(0.03),
+        wheel_speed_rr: x[6] + noise(0.03),
+        accel_x: truth.accel[0] + noise(0.1),
+        accel_y: truth.accel[1] + noise(0.1),
+        gyro_z: x[2] + noise(0.01),
+        speed: f64::NAN,
+    }
 }
 
 pub fn parameters(channels: Channels) -> Parameters {

@@ -1,6 +1,6 @@
 //! Wheels that slip, spin or lock: the robot's plant with a longitudinal tyre, and the multi-body car.
 
-use super::drive::{DT, machine, parameters, run};
+use super::drive::{DT, machine, parameters, run, sensed};
 use super::multibody::{car, sensors};
 use crate::support::vector_table;
 use rand::{RngExt, SeedableRng};
@@ -73,26 +73,7 @@ fn ride(of: &Ride, seed: u64) -> Drive {
             let steering = swing * (rate * time).sin();
             let controls = Controls { steering, drive, brake };
             let truth = machine.truth(&x, &controls);
-            let drive = drive.map(|torque| torque + noise(0.05));
-            let sample = Inputs {
-                steering_angle: steering + noise(0.003),
-                drive_torque_fl: drive[0],
-                drive_torque_fr: drive[1],
-                drive_torque_rl: drive[2],
-                drive_torque_rr: drive[3],
-                brake_torque_fl: brake[0],
-                brake_torque_fr: brake[1],
-                brake_torque_rl: brake[2],
-                brake_torque_rr: brake[3],
-                wheel_speed_fl: x[3] + noise(0.03),
-                wheel_speed_fr: x[4] + noise(0.03),
-                wheel_speed_rl: x[5] + noise(0.03),
-                wheel_speed_rr: x[6] + noise(0.03),
-                accel_x: truth.accel[0] + noise(0.1),
-                accel_y: truth.accel[1] + noise(0.1),
-                gyro_z: x[2] + noise(0.01),
-                speed: f64::NAN,
-            };
+            let sample = sensed(&x, &truth, &controls, &mut noise);
             let motion = [x[0], x[1], x[2]];
             x = machine.advance(&x, DT, |_| controls);
             (sample, motion)
