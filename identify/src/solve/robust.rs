@@ -180,7 +180,14 @@ pub fn minimise(
     let first = units.least_squares(&regression.name, factors, scales, &feasible)?;
     let minimum = match loss {
         Loss::Ls => first,
-        _ => robust(&regression.name, &Scaled::new(regression, scales, &units), &feasible, loss, options, first)?,
+        _ => minimise_robust(
+            &regression.name,
+            &Scaled::new(regression, scales, &units),
+            &feasible,
+            loss,
+            options,
+            first,
+        )?,
     };
     let mut at_bound = vec![false; bounds.len()];
     let reach = 1e-9 * (1.0 + minimum.z.iter().fold(0.0, |most: f64, z| most.max(z.abs())));
@@ -208,7 +215,7 @@ pub fn minimise(
 }
 
 /// Minimises Huber's loss or L1 from the least-squares answer.
-fn robust(
+fn minimise_robust(
     name: &str,
     scaled: &Scaled,
     feasible: &Feasible,
@@ -221,9 +228,9 @@ fn robust(
     match loss {
         Loss::Ls => Ok(first),
         Loss::Huber => {
-            let descended = newton(name, scaled, feasible, HUBER_DELTA, first.z.clone(), 3)?;
-            if descended.proved || !few {
-                return Ok(descended.minimum);
+            let reached = newton(name, scaled, feasible, HUBER_DELTA, first.z.clone(), 3)?;
+            if reached.proved || !few {
+                return Ok(reached.minimum);
             }
             let start = exact(Loss::Huber)?.x;
             Ok(newton(name, scaled, feasible, HUBER_DELTA, start, 0)?.minimum)
@@ -261,7 +268,7 @@ fn side(r: f64, delta: f64) -> i8 {
 }
 
 /// Where Newton's method ended.
-struct Descended {
+struct Reached {
     minimum: Minimum,
     /// It minimises its own piece of a convex cost, and with it the whole.
     proved: bool,
@@ -274,7 +281,7 @@ fn newton(
     delta: f64,
     start: Vec<f64>,
     reweighted: usize,
-) -> Result<Descended, SolveError> {
+) -> Result<Reached, SolveError> {
     const STEPS: usize = 100;
     let mut best = Minimum { z: start, active: vec![false; feasible.half_spaces.len()], accuracy: Accuracy::Solved };
     let mut residuals = scaled.residuals(&best.z);
@@ -306,7 +313,7 @@ fn newton(
         reweight = reweight.saturating_sub(1);
         let ahead = scaled.residuals(&target.z);
         if !was_reweighted && ahead.iter().zip(&residuals).all(|(new, old)| side(*new, delta) == side(*old, delta)) {
-            return Ok(Descended { minimum: target, proved: true });
+            return Ok(Reached { minimum: target, proved: true });
         }
         let mut share = 1.0;
         loop {
@@ -319,7 +326,7 @@ fn newton(
                 residuals = trial;
                 value = reached;
                 if gain < 1e-15 * value.max(1.0) && reweight == 0 {
-                    return Ok(Descended { minimum: best, proved: false });
+                    return Ok(Reached { minimum: best, proved: false });
                 }
                 break;
             }
@@ -327,9 +334,9 @@ fn newton(
             if share < 1e-9 {
                 // No descent is left: the point is the minimiser up to rounding.
                 let minimum = Minimum { z: best.z, active: target.active, accuracy: target.accuracy };
-                return Ok(Descended { minimum, proved: false });
+                return Ok(Reached { minimum, proved: false });
             }
         }
     }
-    Ok(Descended { minimum: best, proved: false })
+    Ok(Reached { minimum: best, proved: false })
 }
