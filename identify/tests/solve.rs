@@ -1,4 +1,4 @@
-//! The solver against closed forms, against itself by two independent algorithms, and against
+//! The solver against closed forms, against the exact conic program in Clarabel alone, and against
 //! figures made by other programs.
 
 use rand::{RngExt, SeedableRng};
