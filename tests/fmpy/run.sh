@@ -15,4 +15,4 @@ fmus=$(mktemp -d)
 trap 'rm -rf "$fmus"' EXIT
 "$target/debug/pack" all --out "$fmus" >/dev/null
 
-WHEELSTATE_FMUS="$fmus" WHEELSTATE_BIN="$target/debug" .venv/bin/python -m pytest -q "$here" "$@"
+WHEELSTATE_FMUS="$fmus" WHEELSTATE_BIN="$target/debug" .venv/bin/python -m pytest -q -n auto --dist worksteal "$here" "$@"

@@ -26,4 +26,4 @@ PATH="$PWD/.venv/bin:$PATH" WHEELSTATE_FMUS="$fmus" WHEELSTATE_EXTENSION="$libra
   .venv/bin/pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir "$clean" identify/python
 "$clean/venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --force-reinstall "$clean"/wheelstate-*.whl
 
-env -u CARGO_HOME -u RUSTUP_HOME PATH="$clean/venv/bin" "$clean/venv/bin/python" -m pytest -q "$here" "$@"
+env -u CARGO_HOME -u RUSTUP_HOME PATH="$clean/venv/bin" "$clean/venv/bin/python" -m pytest -q -n auto --dist worksteal "$here" "$@"
