@@ -193,7 +193,7 @@ mod tests {
     fn blocks_that_come_twice_or_in_another_order_give_the_same_logs() {
         let block = |source: &str| Block {
             vehicle: "wheelchair".to_owned(),
-            log: Log { source: source.to_owned(), time: vec![0.0, f64::NAN], ..Log::default() },
+            log: Log { source: source.to_owned(), time: vec![0.0, f64::NAN].into(), ..Log::default() },
         };
         let sources = |blocks| merge(blocks).unwrap().1.into_iter().map(|log| log.source).collect::<Vec<_>>();
         assert_eq!(sources(vec![block("b"), block("a"), block("b")]), ["a", "b"]);

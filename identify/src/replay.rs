@@ -1,6 +1,6 @@
 //! Logs run through an estimator: once for its estimates, or again and again with other parameters.
 
-use crate::log::Log;
+use crate::log::{Log, Series};
 use std::convert::Infallible;
 use wheelstate::clock::Clock;
 use wheelstate::{Estimator, Variable, Variables};
@@ -112,7 +112,7 @@ pub struct Track<E: Estimator> {
     /// Where the log came from.
     pub source: String,
     /// Sample times, s.
-    pub time: Vec<f64>,
+    pub time: Series,
     /// Inputs per sample; channels that the log lacks are NaN, never sampled.
     pub inputs: Vec<E::Inputs>,
     /// Columns `true_x` of the log for outputs `x`.
@@ -125,7 +125,7 @@ pub struct Reference {
     /// Place among the outputs.
     pub index: usize,
     /// One value per sample, NaN where it is not known.
-    pub values: Vec<f64>,
+    pub values: Series,
     /// Standard deviation of the values.
     pub scale: f64,
 }
@@ -144,7 +144,7 @@ impl<E: Estimator> Track<E> {
         let inputs = inputs.collect();
         let outputs = E::Outputs::declare();
         let reference = |(index, output): (usize, &Variable)| {
-            let values = log.channel(&format!("true_{}", output.name))?.to_vec();
+            let values = log.series(&format!("true_{}", output.name))?;
             let known = || values.iter().filter(|value| value.is_finite());
             let count = known().count().max(1) as f64;
             let mean = known().sum::<f64>() / count;

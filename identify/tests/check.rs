@@ -4,7 +4,7 @@ use assert_cmd::Command;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use wheelstate_identify::finding::{Finding, Severity};
-use wheelstate_identify::log::{ColumnMap, Input, Log};
+use wheelstate_identify::log::{ColumnMap, Input, Log, Series};
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::simulate::Request;
 use wheelstate_identify::vehicle::Vehicle;
@@ -124,7 +124,7 @@ fn recordings_of_real_machines_raise_no_alarm() {
 }
 
 /// Changes the channels whose names begin so.
-fn each(log: &mut Log, stems: &[&str], change: impl Fn(&mut Vec<f64>)) {
+fn each(log: &mut Log, stems: &[&str], change: impl Fn(&mut Series)) {
     let channels = log.channels.iter_mut().filter(|c| stems.iter().any(|stem| c.name.starts_with(stem)));
     let mut count = 0;
     for channel in channels {

@@ -205,7 +205,7 @@ fn a_parameter_whose_profile_has_no_end_is_not_identified() {
     let problem = Problem { targets: |_| vec![target("ratio")], outliers: &[], estimate, validate: |_| Vec::new() };
     let rows = line([0.35, 4.0], 40, 3);
     let mut log = Log { time: (0..40).map(f64::from).collect(), ..Log::default() };
-    log.push("x", (0..40).map(|i| rows.groups[0].row(i)[1]).collect());
+    log.push("x", (0..40).map(|i| rows.groups[0].row(i)[1]).collect::<Vec<_>>());
     log.push("y", rows.groups[0].y.clone());
     let declared = Declared { parameters: Vec::new(), inputs: Vec::new() };
     let request = FitRequest { profile: vec!["ratio".into()], loss: Loss::Ls, ..FitRequest::default() };
@@ -252,7 +252,7 @@ fn the_product_that_the_logs_do_determine_is_said() {
         let noise: f64 = StandardNormal.sample(&mut rng);
         80.0 * 0.002 * (0.7 * k as f64).cos() + 64.0 * x + 0.5 * noise
     });
-    let y = y.collect();
+    let y: Vec<f64> = y.collect();
     log.push("x", x);
     log.push("y", y);
     let declared = Declared { parameters: Vec::new(), inputs: Vec::new() };

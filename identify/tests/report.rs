@@ -181,7 +181,7 @@ fn degenerate_traces_can_be_drawn() {
 #[test]
 fn true_values_of_the_logs_stand_beside_the_estimates() {
     let log = |mass: f64, drifting: f64| {
-        let mut log = wheelstate_identify::log::Log { time: vec![0.0, 1.0], ..Default::default() };
+        let mut log = wheelstate_identify::log::Log { time: vec![0.0, 1.0].into(), ..Default::default() };
         log.push("true_human.stiffness_pitch", vec![mass; 2]);
         log.push("true_rolling.coefficient", vec![0.01, drifting]);
         log

@@ -234,7 +234,7 @@ fn simulate(request: &Request) -> Result<Log, SimulateError> {
         std * draw
     };
     let (mass, rolling, half_rho_cda, h) = (1523.0, 0.012, 0.42, 0.05);
-    let mut log = Log { source: "hills".into(), ..Log::default() };
+    let mut times = Vec::new();
     let mut columns: [Vec<f64>; 4] = Default::default();
     let mut v: f64 = 12.0;
     for k in 0..2400 {
@@ -242,11 +242,12 @@ fn simulate(request: &Request) -> Result<Log, SimulateError> {
         let grade = if t < 60.0 { 0.0 } else { 0.04 * (0.1 * (t - 60.0)).sin() };
         let force = 900.0 + 1500.0 * (0.35 * t).sin() + 700.0 * (0.9 * t).sin();
         let push = (force - half_rho_cda * v * v) / mass - rolling * 9.80665;
-        log.time.push(t);
+        times.push(t);
         let sample = [force, v + noise(0.05), push + noise(0.05), grade];
         columns.iter_mut().zip(sample).for_each(|(column, value)| column.push(value));
         v += h * (push - 9.80665 * grade.sin());
     }
+    let mut log = Log { source: "hills".into(), time: times.into(), ..Log::default() };
     for (name, values) in ["drive_force", "speed", "accel_x", "true_grade"].into_iter().zip(columns) {
         log.push(name, values);
     }

@@ -17,7 +17,7 @@ fn hour(ending: &str) -> (TempDir, PathBuf) {
     let mut log = Log { time: (0..rows).map(|k| f64::from(k) * 0.01).collect(), ..Log::default() };
     for column in 0..9 {
         let value = |k| (f64::from(k) * 0.0137 + f64::from(column)).sin();
-        log.push(&format!("channel_{column}"), (0..rows).map(value).collect());
+        log.push(&format!("channel_{column}"), (0..rows).map(value).collect::<Vec<_>>());
     }
     let folder = TempDir::new().expect("a temporary folder");
     let path = folder.path().join(format!("hour.{ending}"));

@@ -10,7 +10,7 @@
 //! Neighbouring samples share sign, exponent and leading digits, which the XOR turns into zeros; bytes of one rank stand
 //! together because they have much in common and the others are noise. Numbers are little-endian.
 
-use crate::{Channel, Log, LogError};
+use crate::{Channel, Log, LogError, Series};
 use flate2::Compression;
 use flate2::read::DeflateDecoder;
 use flate2::write::DeflateEncoder;
@@ -27,7 +27,7 @@ impl Log {
     /// use wheelstate_log::{Channel, Log};
     ///
     /// let time = (0..1000).map(|k| 0.01 * f64::from(k)).collect();
-    /// let gear = Channel { name: "gear".into(), values: vec![3.0; 1000] };
+    /// let gear = Channel { name: "gear".into(), values: vec![3.0; 1000].into() };
     /// let log = Log { source: "ride.csv".into(), time, channels: vec![gear], ..Log::default() };
     /// let bytes = log.to_compact();
     /// assert!(bytes.len() < 8000 && Log::from_compact("block", &bytes)? == log);
@@ -72,7 +72,7 @@ fn parse(bytes: &[u8]) -> Option<Log> {
     let samples = usize::try_from(u64::from_le_bytes(*head.first_chunk()?)).ok()?;
     let size = samples.checked_mul(BYTES)?;
     let mut inflate = DeflateDecoder::new(rest);
-    let mut values = || -> Option<Vec<f64>> {
+    let mut values = || -> Option<Series> {
         let mut planes = Vec::new();
         inflate.by_ref().take(size as u64).read_to_end(&mut planes).ok()?;
         (planes.len() == size).then(|| of_planes(&planes, samples))
@@ -117,7 +117,7 @@ fn planes(values: &[f64]) -> Vec<u8> {
     planes
 }
 
-fn of_planes(planes: &[u8], samples: usize) -> Vec<f64> {
+fn of_planes(planes: &[u8], samples: usize) -> Series {
     let mut before = 0;
     let sample = |k: usize| {
         let bytes: [u8; BYTES] = std::array::from_fn(|rank| planes[rank * samples + k]);
@@ -135,7 +135,7 @@ mod tests {
     proptest! {
         #[test]
         fn every_bit_of_every_sample_comes_back(bits in prop::collection::vec(any::<u64>(), 2..40), name in ".{0,12}") {
-            let values: Vec<f64> = bits.iter().map(|bits| f64::from_bits(*bits)).collect();
+            let values: Series = bits.iter().map(|bits| f64::from_bits(*bits)).collect();
             let time = (0..values.len()).map(|k| k as f64).collect();
             let notes = vec![name.clone(), String::new()];
             let log = Log { source: name.clone(), time, notes, channels: vec![Channel { name, values }], ..Log::default() };

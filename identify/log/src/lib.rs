@@ -26,11 +26,13 @@ mod parquet;
 pub mod progress;
 mod recording;
 mod sampling;
+mod series;
 mod table;
 mod wanted;
 
 pub use columns::{ColumnMap, listed};
 pub use error::LogError;
+pub use series::Series;
 pub use table::{Samples, TableColumn};
 
 use crate::progress::Progress;
@@ -45,7 +47,7 @@ pub struct Log {
     /// SHA-256 of the file, hexadecimal; empty if it never was a file.
     pub sha256: String,
     /// Sample times, s, increasing.
-    pub time: Vec<f64>,
+    pub time: Series,
     /// The channels, named as the FMU's inputs; `true_*` are references for reports.
     pub channels: Vec<Channel>,
     /// What was detected, repaired or left out while reading, one line each.
@@ -69,7 +71,7 @@ pub struct Channel {
     /// Name, as the FMU's input.
     pub name: String,
     /// One value per sample, SI units.
-    pub values: Vec<f64>,
+    pub values: Series,
 }
 
 /// The file formats, by file ending.
@@ -149,6 +151,11 @@ impl Log {
         self.channels.iter().find(|channel| channel.name == name).map(|channel| channel.values.as_slice())
     }
 
+    /// The same, shared with the log.
+    pub fn series(&self, name: &str) -> Option<Series> {
+        self.channels.iter().find(|channel| channel.name == name).map(|channel| channel.values.clone())
+    }
+
     /// The names of all channels and of the columns that were not read.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.channels.iter().map(|channel| channel.name.as_str()).chain(self.unread.iter().map(String::as_str))
@@ -163,7 +170,8 @@ impl Log {
     }
 
     /// Adds a channel; all channels have as many values as there are times.
-    pub fn push(&mut self, name: &str, values: Vec<f64>) {
+    pub fn push(&mut self, name: &str, values: impl Into<Series>) {
+        let values = values.into();
         debug_assert_eq!(values.len(), self.len());
         self.channels.push(Channel { name: name.to_owned(), values });
     }
@@ -254,8 +262,10 @@ impl Log {
     }
 
     fn drop_infinite(&mut self) {
-        let values = self.channels.iter_mut().flat_map(|channel| &mut channel.values);
-        values.filter(|value| value.is_infinite()).for_each(|value| *value = f64::NAN);
+        for channel in self.channels.iter_mut().filter(|channel| channel.values.iter().any(|value| value.is_infinite()))
+        {
+            channel.values.iter_mut().filter(|value| value.is_infinite()).for_each(|value| *value = f64::NAN);
+        }
     }
 
     /// Writes a log in CSV to anything; every number reads back as the same bits.

@@ -1,8 +1,8 @@
 //! What the readers deliver before a column map turns it into a log.
 
-use crate::LogError;
 use crate::columns::unit;
 use crate::error::quoted;
+use crate::{LogError, Series};
 use std::collections::HashSet;
 
 /// The groups of a file under their own names.
@@ -65,7 +65,7 @@ pub(crate) struct Column {
 #[derive(Clone, Debug)]
 pub(crate) enum Values {
     /// One per sample, as recorded; NaN is a missing one.
-    Numbers(Vec<f64>),
+    Numbers(Series),
     /// Numbers that nobody has asked for yet.
     Unread,
     /// Text: the place and content of the first.
@@ -84,8 +84,8 @@ pub(crate) enum Place {
 }
 
 impl Column {
-    pub fn numbers(name: impl Into<String>, values: Vec<f64>) -> Self {
-        Self { name: name.into(), title: None, unit: None, values: Values::Numbers(values), typed: false }
+    pub fn numbers(name: impl Into<String>, values: impl Into<Series>) -> Self {
+        Self { name: name.into(), title: None, unit: None, values: Values::Numbers(values.into()), typed: false }
     }
 
     pub fn other(name: impl Into<String>, what: impl Into<String>) -> Self {
@@ -93,10 +93,10 @@ impl Column {
     }
 
     /// Its numbers, or the error that it has none; `file` is named in it.
-    pub fn as_numbers(&self, file: &str) -> Result<&[f64], LogError> {
+    pub fn as_numbers(&self, file: &str) -> Result<Series, LogError> {
         match &self.values {
-            Values::Numbers(values) => Ok(values),
-            Values::Unread => Ok(&[]),
+            Values::Numbers(values) => Ok(values.clone()),
+            Values::Unread => Ok(Series::default()),
             Values::Text { at, text } => {
                 let what = format!("column {}: {} is not a number", quoted(&self.name), quoted(text));
                 Err(LogError::file(at, what))
@@ -113,10 +113,10 @@ impl Column {
     }
 
     /// Its numbers as times in s, by the unit that the file states.
-    pub fn seconds(&self, file: &str) -> Result<Vec<f64>, LogError> {
+    pub fn seconds(&self, file: &str) -> Result<Series, LogError> {
         let values = self.as_numbers(file)?;
         let factor = self.second().map_err(|what| LogError::file(file, what))?;
-        Ok(if factor == 1.0 { values.to_vec() } else { values.iter().map(|value| value * factor).collect() })
+        Ok(if factor == 1.0 { values } else { values.iter().map(|value| value * factor).collect() })
     }
 
     /// What one of the column's numbers is in s.

@@ -1,6 +1,6 @@
 //! Sampling of a log: its period, its gaps, parts of it.
 
-use super::{Channel, Log};
+use super::{Channel, Log, Series};
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -41,17 +41,17 @@ impl Log {
         (log, period)
     }
 
-    /// A part of the log with those channels whose names `keep` accepts.
+    /// A part of the log, whose samples it shares, with those channels whose names `keep` accepts.
     pub fn slice(&self, samples: Range<usize>, keep: impl Fn(&str) -> bool) -> Self {
         let channels = self
             .channels
             .iter()
             .filter(|channel| keep(&channel.name))
-            .map(|channel| Channel { name: channel.name.clone(), values: channel.values[samples.clone()].to_vec() });
+            .map(|channel| Channel { name: channel.name.clone(), values: channel.values.part(samples.clone()) });
         Self {
             source: self.source.clone(),
             sha256: self.sha256.clone(),
-            time: self.time[samples.clone()].to_vec(),
+            time: self.time.part(samples.clone()),
             channels: channels.collect(),
             notes: self.notes.clone(),
             unread: self.unread.clone(),
@@ -69,7 +69,7 @@ impl Log {
     pub fn resample(&self, period: f64, gap: f64) -> Self {
         let Some(first) = self.time.first() else { return self.clone() };
         let count = (self.duration() / period * (1.0 + 1e-12)).floor() as usize + 1;
-        let time: Vec<f64> = (0..count).map(|k| first + k as f64 * period).collect();
+        let time: Series = (0..count).map(|k| first + k as f64 * period).collect();
         // For every grid point: the sample at or before it and the share of the next one.
         let mut left = 0;
         let place = time.iter().map(|t| {
@@ -108,8 +108,8 @@ mod tests {
     use super::*;
 
     fn ramp(times: &[f64]) -> Log {
-        let mut log = Log { time: times.to_vec(), ..Log::default() };
-        log.push("twice", times.iter().map(|t| 2.0 * t).collect());
+        let mut log = Log { time: times.to_vec().into(), ..Log::default() };
+        log.push("twice", times.iter().map(|t| 2.0 * t).collect::<Series>());
         log
     }
 

@@ -98,11 +98,15 @@ impl TableColumn {
         let title = (plain != self.name).then(|| self.name.clone());
         match self.samples {
             Samples::Numbers(values) => {
-                Column { name: plain, title, unit, values: Values::Numbers(values), typed: false }
+                Column { name: plain, title, unit, values: Values::Numbers(values.into()), typed: false }
             }
-            Samples::Times(values) => {
-                Column { name: plain, title, unit: Some("s".to_owned()), values: Values::Numbers(values), typed: true }
-            }
+            Samples::Times(values) => Column {
+                name: plain,
+                title,
+                unit: Some("s".to_owned()),
+                values: Values::Numbers(values.into()),
+                typed: true,
+            },
             Samples::Other(what) => Column::other(plain, what),
         }
     }

@@ -9,7 +9,7 @@ use wheelstate_log::progress::Progress;
 fn damaged_parquet_and_mf4_files_never_panic() {
     let folder = TempDir::new().unwrap();
     let mut log = Log { time: (0..200).map(f64::from).collect(), ..Log::default() };
-    log.push("speed", (0..200).map(|k| f64::from(k).sin()).collect());
+    log.push("speed", (0..200).map(|k| f64::from(k).sin()).collect::<Vec<_>>());
     // The reading libraries may panic inside, which is caught; keep the test's output clean.
     wheelstate_log::guard::quiet();
     for ending in ["parquet", "mf4"] {

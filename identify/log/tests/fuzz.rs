@@ -122,8 +122,8 @@ fn survive(ending: &str, files: &[Vec<u8>], maps: &[Option<&str>]) {
 
 fn plain_log() -> Log {
     let mut log = Log { time: (0..50).map(f64::from).collect(), ..Log::default() };
-    log.push("speed", (0..50).map(|k| f64::from(k).sin()).collect());
-    log.push("torque_left", (0..50).map(|k| if k % 3 == 0 { f64::NAN } else { f64::from(k) }).collect());
+    log.push("speed", (0..50).map(|k| f64::from(k).sin()).collect::<Vec<_>>());
+    log.push("torque_left", (0..50).map(|k| if k % 3 == 0 { f64::NAN } else { f64::from(k) }).collect::<Vec<_>>());
     log
 }
 

@@ -27,7 +27,7 @@ fn assert_same(a: &Log, b: &Log) {
 }
 
 fn awkward_log() -> Log {
-    let mut log = Log { time: vec![1000.05, 1000.0500000000001, 1000.1, 2e9], ..Log::default() };
+    let mut log = Log { time: vec![1000.05, 1000.0500000000001, 1000.1, 2e9].into(), ..Log::default() };
     log.push("speed", vec![0.1, f64::NAN, -0.0, 1.0 / 3.0]);
     log.push("torque_left", vec![1e-300, 1e300, 5e-324, f64::MAX]);
     log.push("true_mass", vec![f64::NAN; 4]);
@@ -275,7 +275,7 @@ proptest! {
             Channel { name: "speed".to_owned(), values: column(0) },
             Channel { name: "a,b \"c\"".to_owned(), values: column(1) },
         ];
-        let log = Log { time: time.clone(), channels, ..Log::default() };
+        let log = Log { time: time.clone().into(), channels, ..Log::default() };
         for ending in ["csv", "parquet", "mf4"] {
             assert_same(&log, &round_trip(ending, &log));
         }

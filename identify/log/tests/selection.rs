@@ -27,7 +27,7 @@ fn file(folder: &Path, name: &str, columns: &[&str], values: &[f64]) -> std::pat
     let mut log = Log { time: (0..20).map(|k| f64::from(k) * 0.01).collect(), ..Log::default() };
     for (place, column) in columns.iter().enumerate() {
         let value = |k: usize| values[(7 * place + k) % values.len()];
-        log.push(column, (0..20).map(value).collect());
+        log.push(column, (0..20).map(value).collect::<Vec<_>>());
     }
     let path = folder.join(name);
     log.write(&path, std::fs::File::create(&path).unwrap()).unwrap();

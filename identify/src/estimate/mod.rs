@@ -10,7 +10,7 @@ pub mod config;
 pub mod gyroscope;
 pub mod urdf;
 
-use crate::log::{Log, LogError};
+use crate::log::{Log, LogError, Series};
 use crate::progress::Progress;
 use config::{Setup, Source};
 use std::path::Path;
@@ -166,11 +166,12 @@ impl Columns {
         let mut result = Log { source: log.source.clone(), time: log.time.clone(), ..Log::default() };
         let column = |k: usize| (0..self.rows).map(move |row| row * self.width + k);
         for (k, name) in names.iter().enumerate() {
-            result.push(name, column(k).map(|i| self.estimates[i].0).collect());
-            result.push(&format!("{name}_std"), column(k).map(|i| self.estimates[i].1).collect());
+            result.push(name, column(k).map(|i| self.estimates[i].0).collect::<Series>());
+            result.push(&format!("{name}_std"), column(k).map(|i| self.estimates[i].1).collect::<Series>());
         }
         for (k, name) in gyroscopes.iter().enumerate() {
-            result.push(name, self.innovations.iter().copied().skip(k).step_by(gyroscopes.len()).collect());
+            let innovations = self.innovations.iter().copied().skip(k).step_by(gyroscopes.len());
+            result.push(name, innovations.collect::<Series>());
         }
         result.push("nis", self.nis);
         result.push("nis_channels", self.channels);

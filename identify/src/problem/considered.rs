@@ -7,7 +7,7 @@
 
 use super::findings::Offset;
 use super::{Declared, FitRequest, Known};
-use crate::log::{Channel, Log};
+use crate::log::{Channel, Log, Series};
 use std::collections::BTreeMap;
 use wheelstate::Variable;
 
@@ -224,7 +224,7 @@ impl Cause {
 
     /// Logs and known values with this cause one step off; `None` where they are as before.
     pub fn apply(&self, logs: &[Log], known: &Known) -> (Option<Vec<Log>>, Option<Known>) {
-        let changed = |of: &dyn Fn(&Channel) -> Option<Vec<f64>>| -> Vec<Log> {
+        let changed = |of: &dyn Fn(&Channel) -> Option<Series>| -> Vec<Log> {
             let change = |log: &Log| {
                 let channels = log.channels.iter().map(|channel| Channel {
                     name: channel.name.clone(),

@@ -51,7 +51,7 @@
 //!         channel("acceleration", &|t| t.cos()),
 //!         channel("force", &|t| 90.0 * t.cos() + 15.0 * t.sin() + (1e4 * t).sin()),
 //!     ],
-//!     time: time.clone(),
+//!     time: time.clone().into(),
 //!     ..Log::default()
 //! };
 //! let declared = Declared { parameters: Parameters::declare(), inputs: vec![] };

@@ -85,9 +85,9 @@ impl Run {
 
     /// As a log, to be written as CSV, Parquet or MDF4.
     pub fn into_log(self) -> Log {
-        let channel = |column: Column| Channel { name: column.variable.name, values: column.values };
+        let channel = |column: Column| Channel { name: column.variable.name, values: column.values.into() };
         let channels = self.columns.into_iter().map(channel).collect();
-        Log { source: self.source, time: self.time, channels, ..Log::default() }
+        Log { source: self.source, time: self.time.into(), channels, ..Log::default() }
     }
 }
 

@@ -20,7 +20,7 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 /// Every `stride`-th sample of a log.
 fn thin(log: &Log, stride: usize) -> Log {
     let pick = |values: &[f64]| values.iter().copied().step_by(stride).collect::<Vec<_>>();
-    let mut thin = Log { source: log.source.clone(), time: pick(&log.time), ..Log::default() };
+    let mut thin = Log { source: log.source.clone(), time: pick(&log.time).into(), ..Log::default() };
     log.channels.iter().for_each(|c| thin.push(&c.name, pick(&c.values)));
     thin
 }

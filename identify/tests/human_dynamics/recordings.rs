@@ -31,7 +31,7 @@ fn log(folder: &Path) -> Log {
         let k = header.iter().position(|h| h.trim() == name).unwrap();
         rows.iter().map(|row| row[k]).collect::<Vec<f64>>()
     };
-    let mut log = Log { source: "bowing".into(), time: column("t_s"), ..Log::default() };
+    let mut log = Log { source: "bowing".into(), time: column("t_s").into(), ..Log::default() };
     for joint in ["ankle", "hip"] {
         let velocity = column(&format!("dq_{joint}"));
         log.push(&format!("q_{joint}"), column(&format!("q_{joint}_rad")));
@@ -92,11 +92,11 @@ fn ankle_torque_follows_the_plate() {
     let mut shares = vec![];
     for row in 0..log.len() {
         let one = Log {
-            time: vec![log.time[row]],
+            time: vec![log.time[row]].into(),
             channels: log
                 .channels
                 .iter()
-                .map(|c| wheelstate_identify::log::Channel { name: c.name.clone(), values: vec![c.values[row]] })
+                .map(|c| wheelstate_identify::log::Channel { name: c.name.clone(), values: vec![c.values[row]].into() })
                 .collect(),
             ..Log::default()
         };

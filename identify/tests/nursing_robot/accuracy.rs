@@ -21,7 +21,7 @@ impl MassRun {
         let outputs = estimates(&run.log, &run.assumed);
         let truth = run.log.channel("true_load_mass").unwrap();
         let error = outputs.iter().zip(truth).map(|(o, t)| (o.load_mass.value / t - 1.0) * 100.0).collect();
-        Self { time: run.log.time, error, outputs }
+        Self { time: run.log.time.to_vec(), error, outputs }
     }
 
     fn last(&self) -> f64 {

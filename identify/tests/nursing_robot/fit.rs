@@ -13,7 +13,7 @@ use wheelstate_identify::vehicles::nursing_robot;
 /// The reference log, 40 s of excitation, with these channels besides torque, speed and yaw rate.
 fn reference(channels: &[(&str, &str)]) -> Log {
     let table = vector_table("nursing_robot/ident_log.csv");
-    let mut log = Log { source: "reference".into(), time: table.values("t"), ..Log::default() };
+    let mut log = Log { source: "reference".into(), time: table.values("t").into(), ..Log::default() };
     for (name, column) in [("torque_left", "tau_l"), ("torque_right", "tau_r"), ("speed", "v"), ("yaw_rate", "omega")]
         .iter()
         .chain(channels)
@@ -131,7 +131,7 @@ fn still(speed: f64, torque: f64, noise: f64, seconds: usize) -> Log {
         ("tilt_rate", 0.0, 0.01),
         ("roll", 0.0, 0.01),
     ] {
-        log.push(name, (0..n).map(|_| value + noise * std * normal()).collect());
+        log.push(name, (0..n).map(|_| value + noise * std * normal()).collect::<Vec<_>>());
     }
     log
 }

@@ -25,7 +25,7 @@ fn log(scenario: &str, seed: u64, settings: &[(&str, f64)]) -> Drive {
     let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
     let log = wheel_loader::VEHICLE.simulate(&Request { scenario: scenario.to_owned(), seed, settings }).unwrap();
     let inputs = Track::<WheelLoader>::new(&log).inputs;
-    Drive { inputs, load_ratio: log.channel("true_load_ratio").unwrap().to_vec(), time: log.time }
+    Drive { inputs, load_ratio: log.channel("true_load_ratio").unwrap().to_vec(), time: log.time.to_vec() }
 }
 
 /// One run: largest relative errors of `[K, h, lambda]` in the window, errors over std at its end.

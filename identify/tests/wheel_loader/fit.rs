@@ -197,7 +197,8 @@ fn the_speed_over_which_signs_change_is_the_users() {
     let constant = |value: f64| vec![value; samples as usize];
     for side in ["front", "rear"] {
         // A little ripple, without which there is no noise to weigh windows by.
-        log.push(&format!("torque_{side}"), (0..samples).map(|k| torque + (0.7 * f64::from(k)).sin()).collect());
+        let ripple = (0..samples).map(|k| torque + (0.7 * f64::from(k)).sin());
+        log.push(&format!("torque_{side}"), ripple.collect::<Vec<_>>());
         log.push(&format!("brake_{side}"), constant(brake));
         log.push(&format!("wheel_speed_{side}"), constant(speed / radius));
     }
@@ -242,8 +243,8 @@ fn back_and_forth(bias: f64) -> Log {
     }
     let names = ["torque_front", "torque_rear", "wheel_speed_front", "wheel_speed_rear"];
     names.into_iter().zip(columns).for_each(|(name, values)| log.push(name, values));
-    log.push("slope", (0..log.len()).map(|k| grade + bias + 1e-4 * ripple(k)).collect());
-    log.push("speed", log.time.iter().map(|t| 2.0 * (0.5 * t).sin()).collect());
+    log.push("slope", (0..log.len()).map(|k| grade + bias + 1e-4 * ripple(k)).collect::<Vec<_>>());
+    log.push("speed", log.time.iter().map(|t| 2.0 * (0.5 * t).sin()).collect::<Vec<_>>());
     log
 }
 

@@ -4,7 +4,7 @@ use crate::support::{assert_close, median, vector_table, vector_text};
 use wheelstate::Estimator;
 use wheelstate::estimator::wheelchair::{Inputs, Outputs, Parameters, Wheelchair};
 use wheelstate::model::wheelchair::wheel_angles;
-use wheelstate_identify::log::Log;
+use wheelstate_identify::log::{Log, Series};
 use wheelstate_identify::problem::FitRequest;
 use wheelstate_identify::progress::Progress;
 use wheelstate_identify::result::FitReport;
@@ -52,7 +52,7 @@ fn reference_log() -> Log {
         right.push(r);
         left.push(l);
     }
-    let mut log = Log { source: "reference".into(), time: table.values("t"), ..Log::default() };
+    let mut log = Log { source: "reference".into(), time: table.values("t").into(), ..Log::default() };
     log.push("encoder_left", left);
     log.push("encoder_right", right);
     for (name, column) in
@@ -200,7 +200,7 @@ fn a_chair_at_rest_identifies_nothing() {
         let channel = log.channels.iter_mut().find(|channel| channel.name == name).unwrap();
         channel.values.fill(0.0);
     }
-    let noise: Vec<f64> = log.channel("accel_z").unwrap().iter().map(|a| a - 9.79).collect();
+    let noise: Series = log.channel("accel_z").unwrap().iter().map(|a| a - 9.79).collect();
     for name in ["accel_x", "accel_y"] {
         log.channels.iter_mut().find(|channel| channel.name == name).unwrap().values.clone_from(&noise);
     }
@@ -221,7 +221,7 @@ fn a_chair_at_rest_identifies_nothing() {
 #[test]
 fn without_turning_there_is_no_yaw_inertia() {
     let mut log = simulated("climb", 3, &[]);
-    let mean = log.channel("encoder_left").unwrap().to_vec();
+    let mean = log.series("encoder_left").unwrap();
     log.channels.iter_mut().find(|channel| channel.name == "encoder_right").unwrap().values = mean;
     let report = run(&[log], &FitRequest::default());
     for name in ["chair.yaw_inertia", "chair.yaw_drag", "chair.yaw_friction", "chair.com_ahead"] {

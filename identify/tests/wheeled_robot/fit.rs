@@ -143,7 +143,7 @@ fn grippy_car(seed: u64) -> Log {
         let row = [delta, speed + noise(0.03), r + noise(0.003), accel + noise(0.2), speed, vy, time];
         columns.iter_mut().zip(row).for_each(|(column, value)| column.push(value));
     }
-    let mut log = Log { time: columns.pop().unwrap(), ..Log::default() };
+    let mut log = Log { time: columns.pop().unwrap().into(), ..Log::default() };
     let names = ["steering_angle", "speed", "gyro_z", "accel_y", "speed_x", "speed_y"];
     names.iter().zip(columns).for_each(|(name, column)| log.push(name, column));
     log

@@ -1,16 +1,15 @@
 //! Carrying channels to the log's times.
 
 use super::index::{At, Index};
-use crate::LogError;
 use crate::between::{Between, carry, period};
 use crate::error::listed;
 use crate::recording::{Recording, Values};
-use std::borrow::Cow;
+use crate::{LogError, Series};
 
 /// Carries columns to the log's times and remembers what it did to them.
 pub(super) struct Bring<'a> {
     pub recording: &'a Recording,
-    pub clocks: &'a [Result<Vec<f64>, String>],
+    pub clocks: &'a [Result<Series, String>],
     pub base: usize,
     pub times: &'a [f64],
     /// Channels that were carried without the map telling how: their group and name.
@@ -18,20 +17,20 @@ pub(super) struct Bring<'a> {
 }
 
 impl<'a> Bring<'a> {
-    pub fn column(&mut self, index: &Index<'a>, at: At, between: Option<Between>, channel: &str) -> Cow<'a, [f64]> {
+    pub fn column(&mut self, index: &Index<'a>, at: At, between: Option<Between>, channel: &str) -> Series {
         let values = match &index.column(at).values {
-            Values::Numbers(values) => values.as_slice(),
-            _ => &[],
+            Values::Numbers(values) => values.clone(),
+            _ => Series::default(),
         };
-        let Ok(own) = &self.clocks[at.0] else { return Cow::Owned(vec![f64::NAN; self.times.len()]) };
+        let Ok(own) = &self.clocks[at.0] else { return vec![f64::NAN; self.times.len()].into() };
         if at.0 == self.base || own == self.times {
-            return Cow::Borrowed(values);
+            return values;
         }
         let entry = (at.0, channel.to_owned());
         if between.is_none() && !self.sparse.contains(&entry) {
             self.sparse.push(entry);
         }
-        Cow::Owned(carry(own, values, self.times, between.unwrap_or(Between::Missing)))
+        carry(own, &values, self.times, between.unwrap_or(Between::Missing)).into()
     }
 
     pub fn all(
@@ -40,7 +39,7 @@ impl<'a> Bring<'a> {
         columns: &[At],
         between: Option<Between>,
         channel: &str,
-    ) -> Result<Vec<Cow<'a, [f64]>>, LogError> {
+    ) -> Result<Vec<Series>, LogError> {
         let mut all = Vec::with_capacity(columns.len());
         for at in columns {
             index.column(*at).as_numbers(&self.recording.file)?;
@@ -69,6 +68,6 @@ impl<'a> Bring<'a> {
     }
 }
 
-pub(super) fn borrowed<'a>(columns: &'a [Cow<[f64]>]) -> Vec<&'a [f64]> {
+pub(super) fn borrowed(columns: &[Series]) -> Vec<&[f64]> {
     columns.iter().map(AsRef::as_ref).collect()
 }

@@ -1,10 +1,11 @@
 //! The clocks of groups, and which of them becomes the log's.
 
+use super::bring::borrowed;
 use super::index::{At, Index, NotFound, Resolved, map_error, resolve};
-use crate::LogError;
 use crate::columns::{ColumnMap, Join, Rule, hint};
 use crate::error::{listed, quoted};
 use crate::recording::{Clock, Column, Recording};
+use crate::{LogError, Series};
 use std::collections::HashSet;
 
 /// Adds the groups of another file, on the clock of the log.
@@ -31,7 +32,7 @@ pub(crate) fn join(
         };
         group.clock = match clock {
             Ok(times) => {
-                let times = times.into_iter().map(|time| time + join.offset).collect();
+                let times: Series = times.iter().map(|time| time + join.offset).collect();
                 let mut column = Column::numbers("time", times);
                 column.typed = true;
                 group.columns.push(column);
@@ -63,7 +64,7 @@ pub(super) fn decide_clocks(
                 }
                 let arguments = columns.iter().map(|at| index.column(*at).as_numbers(&recording.file));
                 let arguments = arguments.collect::<Result<Vec<_>, _>>()?;
-                let values = formula.evaluate(&arguments, recording.groups[group].len());
+                let values = formula.evaluate(&borrowed(&arguments), recording.groups[group].len());
                 base = Some((group, Err(values)));
             }
             Ok(Resolved::Value(_)) => return Err(map.error("time: needs a column").into()),
@@ -133,11 +134,11 @@ pub(super) fn time_column(recording: &Recording, group: usize, map: Option<&Colu
 /// The times of all groups that have good ones, and of the log.
 pub(super) struct Times {
     /// By group: its times, s, or what is wrong with them.
-    pub clocks: Vec<Result<Vec<f64>, String>>,
+    pub clocks: Vec<Result<Series, String>>,
     /// The group whose times are the log's.
     pub base: usize,
     /// The log's times, s.
-    pub time: Vec<f64>,
+    pub time: Series,
 }
 
 /// Takes the log's times from the group `base`, or else from the fastest of those that are used.
@@ -148,7 +149,7 @@ pub(super) fn log_times(
     used: &HashSet<At>,
     rule: Option<&Rule>,
 ) -> Result<Times, LogError> {
-    let clocks: Vec<Result<Vec<f64>, String>> =
+    let clocks: Vec<Result<Series, String>> =
         (0..recording.groups.len()).map(|group| clock(recording, group, rule)).collect();
     for (group, clock) in clocks.iter().enumerate() {
         let needed = used.iter().find(|(g, _)| *g == group).filter(|_| base.is_none_or(|base| base != group));
@@ -175,7 +176,7 @@ pub(super) fn log_times(
 }
 
 /// The times of a group, s, if they are good for other groups to be compared with.
-pub(super) fn clock(recording: &Recording, group: usize, rule: Option<&Rule>) -> Result<Vec<f64>, String> {
+pub(super) fn clock(recording: &Recording, group: usize, rule: Option<&Rule>) -> Result<Series, String> {
     let times = times(recording, group, rule)?;
     match times.windows(2).position(|pair| pair[1] <= pair[0] || pair[1].is_nan() || pair[0].is_nan()) {
         // A single group's times are looked at more closely later.
@@ -190,7 +191,7 @@ pub(super) fn clock(recording: &Recording, group: usize, rule: Option<&Rule>) ->
 }
 
 /// The times of a group, s. The map's `scale`, `offset` and `unit` hold for all groups of the file itself.
-pub(super) fn times(recording: &Recording, group: usize, rule: Option<&Rule>) -> Result<Vec<f64>, String> {
+pub(super) fn times(recording: &Recording, group: usize, rule: Option<&Rule>) -> Result<Series, String> {
     let entry = &recording.groups[group];
     let column = match &entry.clock {
         Clock::Column(column) => &entry.columns[*column],
@@ -220,14 +221,17 @@ pub(super) fn times(recording: &Recording, group: usize, rule: Option<&Rule>) ->
 /// The group with the most samples among those that `wanted` accepts and whose clock is good.
 pub(super) fn fastest(
     recording: &Recording,
-    clocks: &[Result<Vec<f64>, String>],
+    clocks: &[Result<Series, String>],
     wanted: impl Fn(usize) -> bool,
 ) -> Option<usize> {
     let good = |group: &usize| wanted(*group) && clocks[*group].as_ref().is_ok_and(|times| !times.is_empty());
-    (0..recording.groups.len()).rev().filter(good).max_by_key(|group| clocks[*group].as_ref().map_or(0, Vec::len))
+    (0..recording.groups.len())
+        .rev()
+        .filter(good)
+        .max_by_key(|group| clocks[*group].as_ref().map_or(0, |times| times.len()))
 }
 
-pub(super) fn no_clock(recording: &Recording, clocks: &[Result<Vec<f64>, String>]) -> LogError {
+pub(super) fn no_clock(recording: &Recording, clocks: &[Result<Series, String>]) -> LogError {
     let why = clocks.iter().enumerate().find_map(|(group, clock)| {
         clock.as_ref().err().map(|what| format!("no group has times; {}: {what}", recording.group(group)))
     });

@@ -8,7 +8,7 @@ mod rest;
 use crate::columns::{ColumnMap, Rule, Selector, unit};
 use crate::error::quoted;
 use crate::recording::{Place, Recording, Values};
-use crate::{Channel, Input, Log, LogError};
+use crate::{Channel, Input, Log, LogError, Series};
 use bring::{Bring, borrowed};
 pub(crate) use clock::join;
 use clock::{Times, decide_clocks, log_times};
@@ -77,13 +77,13 @@ pub(crate) fn assemble(
         let mut values = match &job.source {
             Resolved::Column(at) => {
                 index.column(*at).as_numbers(&recording.file)?;
-                bring.column(&index, *at, between, &job.name).into_owned()
+                bring.column(&index, *at, between, &job.name)
             }
             Resolved::Formula(formula, columns) => {
                 let arguments = bring.all(&index, columns, between, &job.name)?;
-                formula.evaluate(&borrowed(&arguments), time.len())
+                formula.evaluate(&borrowed(&arguments), time.len()).into()
             }
-            Resolved::Value(value) => vec![*value; time.len()],
+            Resolved::Value(value) => vec![*value; time.len()].into(),
         };
         let si = to_si(&index, job, &mut values, &mut notes).map_err(fail)?;
         let si = si.map(|si| job.rule.si_after(si)).transpose().map_err(fail)?;
@@ -193,7 +193,7 @@ fn job_error(map: Option<&ColumnMap>, job: &Job, recording: &Recording, what: St
 fn to_si(
     index: &Index,
     job: &Job,
-    values: &mut [f64],
+    values: &mut Series,
     notes: &mut Vec<String>,
 ) -> Result<Option<&'static str>, String> {
     let rule = &job.rule;

@@ -5,7 +5,7 @@ use crate::between::{Between, carry};
 use crate::columns::unit;
 use crate::error::{listed, quoted};
 use crate::recording::{Clock, Group, Place, Recording, Values};
-use crate::{Channel, LogError};
+use crate::{Channel, LogError, Series};
 use std::collections::HashSet;
 
 /// A log without its times.
@@ -22,7 +22,7 @@ pub(super) fn rest(
     recording: Recording,
     base: usize,
     times: &[f64],
-    clocks: &[Result<Vec<f64>, String>],
+    clocks: &[Result<Series, String>],
     taken: &HashSet<At>,
     mut channels: Vec<(Option<At>, Channel)>,
     strict: bool,
@@ -83,7 +83,7 @@ pub(super) fn rest(
                 continue;
             }
             let mut values =
-                if g == base || own == times { values } else { carry(own, &values, times, Between::Missing) };
+                if g == base || own == times { values } else { carry(own, &values, times, Between::Missing).into() };
             match column
                 .unit
                 .as_deref()

@@ -170,11 +170,11 @@ impl Loader for File {
             return Err(fail(format!("{what}; [can] channel = \"...\" in the column map chooses")));
         }
         for (group, times) in times {
-            groups[group].columns[0].values = Values::Numbers(times);
+            groups[group].columns[0].values = Values::Numbers(times.into());
         }
         for ((group, column), values) in wanted.into_iter().zip(values) {
             if matches!(groups[group].columns[column].values, Values::Unread) {
-                groups[group].columns[column].values = Values::Numbers(values);
+                groups[group].columns[column].values = Values::Numbers(values.into());
             }
         }
         Ok(if whole { vec![] } else { vec!["ends within an object; what stands before it is read".to_owned()] })

@@ -3,6 +3,7 @@
 use super::expression::Expression;
 use super::select::{Selector, Which};
 use super::{texts, unit};
+use crate::Series;
 use crate::between::Between;
 use toml::{Table, Value};
 
@@ -172,13 +173,13 @@ impl Rule {
 
 impl Rule {
     /// Applies `radius`, `integrate` and `differentiate` to values in SI.
-    pub fn shape(&self, time: &[f64], values: &mut Vec<f64>) -> Result<(), String> {
+    pub fn shape(&self, time: &[f64], values: &mut Series) -> Result<(), String> {
         if let Some(radius) = self.radius {
             values.iter_mut().for_each(|value| *value *= radius);
         }
         match self.calculus {
             None => {}
-            Some(Calculus::Integrate) => *values = integral(time, values)?,
+            Some(Calculus::Integrate) => *values = integral(time, values)?.into(),
             Some(Calculus::Differentiate) => *values = derivative(time, values),
         }
         Ok(())
@@ -208,7 +209,7 @@ fn integral(time: &[f64], values: &[f64]) -> Result<Vec<f64>, String> {
 }
 
 /// The derivative over time: of the parabola through a sample and its neighbours, of a line at the ends.
-fn derivative(time: &[f64], values: &[f64]) -> Vec<f64> {
+fn derivative(time: &[f64], values: &[f64]) -> Series {
     let slope = |a: usize, b: usize| (values[b] - values[a]) / (time[b] - time[a]);
     let last = values.len().saturating_sub(1);
     let at = |k: usize| match k {

@@ -286,7 +286,7 @@ fn finished(column: Reading, read: bool) -> Column {
     let unit = if typed { Some("s".to_owned()) } else { unit };
     let values = match column.text {
         None if !read => Values::Unread,
-        None => Values::Numbers(column.values),
+        None => Values::Numbers(column.values.into()),
         Some((at, text)) => Values::Text { at, text },
     };
     let title = (name != column.title).then(|| column.title.clone());

@@ -282,7 +282,7 @@ impl<'a> File<'a> {
                 if matches!(conversion, Conversion::Partly(..)) && values.iter().any(|value| value.is_nan()) {
                     self.texts.push(column.name.clone());
                 }
-                column.values = Values::Numbers(values);
+                column.values = Values::Numbers(values.into());
             }
         }
         Ok(())

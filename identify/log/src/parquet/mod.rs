@@ -4,7 +4,7 @@ mod arrow;
 mod types;
 
 use super::recording::{Clock, Column, Group, Place, Recording, Values};
-use super::{Log, LogError};
+use super::{Log, LogError, Series};
 use crate::guard::guarded;
 use crate::progress::Progress;
 use crate::wanted::Wanted;
@@ -90,7 +90,7 @@ fn parse(name: &str, file: File, wanted: &Wanted, progress: &Progress) -> Result
                 name: title,
                 title: None,
                 unit,
-                values: Values::Numbers(values),
+                values: Values::Numbers(values.into()),
                 typed: meaning.is_time(),
             });
         }
@@ -124,7 +124,7 @@ fn range_index(pandas: &str, rows: usize) -> Option<Column> {
         .find(|index| index.get("kind").is_some_and(|k| k == "range"))?;
     let (name, start, step) =
         (index.get("name")?.as_str()?, index.get("start")?.as_f64()?, index.get("step")?.as_f64()?);
-    Some(Column::numbers(name, (0..rows).map(|row| start + row as f64 * step).collect()))
+    Some(Column::numbers(name, (0..rows).map(|row| start + row as f64 * step).collect::<Series>()))
 }
 
 /// Appends a column chunk, NaN below the definition level `top`.

@@ -372,7 +372,7 @@ fn validate(task: &Task) -> Vec<Prediction> {
                     name: format!("tau_{name}"),
                     unit: "N.m".to_owned(),
                     log: log.source.clone(),
-                    time: log.time.clone(),
+                    time: log.time.to_vec(),
                     measured: joint.tau.clone(),
                     predicted: model,
                 },

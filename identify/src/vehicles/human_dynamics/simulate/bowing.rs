@@ -221,7 +221,7 @@ impl Record {
     }
 
     fn into_log(self, request: &Request, time: Vec<f64>, person: &Person, body: &Description, plant: &Plant) -> Log {
-        let mut log = Log { source: request.scenario.clone(), time, ..Log::default() };
+        let mut log = Log { source: request.scenario.clone(), time: time.into(), ..Log::default() };
         let window = plant.window as usize;
         for (k, joint) in person.joints.iter().enumerate() {
             let q = self.column("q", k);

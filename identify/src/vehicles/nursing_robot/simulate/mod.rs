@@ -7,7 +7,7 @@
 
 mod settings;
 
-use crate::log::Log;
+use crate::log::{Log, Series};
 use crate::simulate::{Knob, Manoeuvres, Request, Scenario, SimulateError};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -272,6 +272,7 @@ const CONSTANTS: [&str; 10] = [
 /// Collects the channels of a log.
 struct Recorder {
     log: Log,
+    time: Vec<f64>,
     rows: Vec<Vec<f64>>,
     torque_gain: f64,
 }
@@ -279,9 +280,9 @@ struct Recorder {
 impl Recorder {
     fn new(request: &Request, samples: usize, torque_gain: f64) -> Self {
         let source = format!("nursing-robot {} seed {}", request.scenario, request.seed);
-        let time = Vec::with_capacity(samples);
-        let log = Log { source, time, ..Log::default() };
-        Self { log, rows: Vec::with_capacity(samples), torque_gain }
+        let log = Log { source, ..Log::default() };
+        let (time, rows) = (Vec::with_capacity(samples), Vec::with_capacity(samples));
+        Self { log, time, rows, torque_gain }
     }
 
     fn sample(
@@ -326,15 +327,16 @@ impl Recorder {
             forces.acceleration,
             plant.rolling_resistance(motion.drive[0]),
         ]);
-        self.log.time.push(time);
+        self.time.push(time);
         self.rows.push(row);
     }
 
     fn finish(mut self, truth: &Parameters) -> Log {
+        self.log.time = self.time.into();
         let inputs = Inputs::declare().into_iter().map(|input| input.name);
         let names: Vec<String> = inputs.chain(TRUTH.map(str::to_owned)).collect();
         for (i, name) in names.iter().enumerate() {
-            self.log.push(name, self.rows.iter().map(|row| row[i]).collect());
+            self.log.push(name, self.rows.iter().map(|row| row[i]).collect::<Series>());
         }
         let values = truth.to_vec();
         for (variable, value) in Parameters::declare().iter().zip(values) {
