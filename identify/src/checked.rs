@@ -6,6 +6,7 @@ use crate::problem::{FitError, FitRequest};
 use crate::progress::{Interrupted, Progress};
 use crate::result::{FORMAT_VERSION, FitReport, LogEntry};
 use crate::vehicle::Vehicle;
+use rayon::prelude::*;
 use std::path::Path;
 use wheelstate::ParameterError;
 
@@ -31,10 +32,8 @@ pub fn findings(
     known: &[(String, f64)],
     allowed: &[String],
 ) -> Result<Vec<Finding>, ParameterError> {
-    let mut all = Vec::new();
-    for log in logs {
-        all.extend(vehicle.check(log, known)?);
-    }
+    let each = logs.par_iter().map(|log| vehicle.check(log, known));
+    let mut all = each.collect::<Result<Vec<_>, _>>()?.concat();
     allow(&mut all, allowed);
     Ok(all)
 }

@@ -27,9 +27,10 @@ const G: f64 = 9.80665;
 /// What is wrong with the channels of a log.
 pub fn check(subject: &Subject, log: &Log) -> Vec<Finding> {
     let mut found = missing(subject, log);
+    let period = log.period();
     for channel in &log.channels {
         if subject.reads(&channel.name) {
-            found.extend(one(subject, log, channel, subject.input(&channel.name)));
+            found.extend(one(subject, log, period, channel, subject.input(&channel.name)));
         }
     }
     for sensor in subject.checks.gravity {
@@ -176,9 +177,8 @@ fn is_encoder(variable: Option<&Variable>) -> bool {
     variable.is_some_and(|variable| variable.unit == "rad" && variable.range.1 > 1e3)
 }
 
-fn one(subject: &Subject, log: &Log, channel: &Channel, variable: Option<&Variable>) -> Vec<Finding> {
+fn one(subject: &Subject, log: &Log, period: f64, channel: &Channel, variable: Option<&Variable>) -> Vec<Finding> {
     let (name, values) = (channel.name.as_str(), channel.values.as_slice());
-    let period = log.period();
     let long = ((FROZEN.0 / period).ceil() as usize).max(FROZEN.1);
     let profile = Profile::of(values, long);
     let needed = depends_on(subject, log, name);
@@ -210,7 +210,7 @@ fn one(subject: &Subject, log: &Log, channel: &Channel, variable: Option<&Variab
     if is_command(variable) {
         return found;
     }
-    found.extend(frozen(subject, log, name, values, &profile));
+    found.extend(frozen(subject, log, period, name, values, &profile));
     if !is_force(variable) {
         found.extend(clipped(log, name, values, &profile));
         let reach = if is_encoder(variable) { ENCODER_WINDOW } else { 1.0 };
@@ -257,11 +257,11 @@ fn outside(log: &Log, variable: &Variable, values: &[f64], profile: &Profile) ->
 }
 
 /// A sensor with noise that repeats one value while the machine moves.
-fn frozen(subject: &Subject, log: &Log, name: &str, values: &[f64], profile: &Profile) -> Option<Finding> {
+fn frozen(subject: &Subject, log: &Log, period: f64, name: &str, values: &[f64], profile: &Profile) -> Option<Finding> {
     if profile.pairs < 50 {
         return None;
     }
-    let dead_from = profile.dead_from(log.period());
+    let dead_from = profile.dead_from(period);
     let unit = |name: &str| subject.input(name).map_or("", |variable| variable.unit);
     let is_rate = |name: &str| matches!(unit(name), "m/s" | "rad/s");
     let measured = |c: &&Channel| c.name != name && subject.input(&c.name).is_some_and(|v| v.measured);

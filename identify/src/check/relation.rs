@@ -14,8 +14,9 @@
 //! noise: a delay that is one shows in all parts of a log alike.
 
 use super::{Finding, Severity, Signals, finding, short};
-use crate::log::Log;
+use crate::log::{Log, Series};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Half width of the window that all signals pass, s; in samples at least 2.
 const HALF_WINDOW: f64 = 0.15;
@@ -58,7 +59,7 @@ pub struct Term {
     /// The channels that it is made of.
     pub channels: Vec<String>,
     /// What it is the sum of: samples on even steps, and the time derivatives that are to be taken of them, 0, 1 or 2.
-    pub parts: Vec<(Vec<f64>, usize)>,
+    pub parts: Vec<(Series, usize)>,
     /// Whether it is shifted when a delay is looked for.
     pub side: Side,
 }
@@ -150,12 +151,25 @@ impl Relation {
 }
 
 /// Sums of products of `[x_1 .. x_n, y]` over a block, about the block's means if the relation has constants.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 struct Gram {
     n: usize,
     count: f64,
     sums: Vec<f64>,
     products: Vec<f64>,
+}
+
+impl Clone for Gram {
+    fn clone(&self) -> Self {
+        Self { n: self.n, count: self.count, sums: self.sums.clone(), products: self.products.clone() }
+    }
+
+    /// Without new memory: every block of a log leaves each lag's sums once.
+    fn clone_from(&mut self, other: &Self) {
+        (self.n, self.count) = (other.n, other.count);
+        self.sums.clone_from(&other.sums);
+        self.products.clone_from(&other.products);
+    }
 }
 
 impl Gram {
@@ -181,24 +195,30 @@ impl Gram {
         self.products[i.max(j) * self.n + i.min(j)]
     }
 
+    /// Becomes `of` without the part `out` of it.
+    fn assign_difference(&mut self, of: &Self, out: &Self) {
+        self.clone_from(of);
+        self.add(out, -1.0);
+    }
+
     /// What is left of all after a regression on number `k` (a Schur complement).
     fn without(&mut self, k: usize) {
         let pivot = self.at(k, k);
         if pivot <= 0.0 {
             return;
         }
-        let column: Vec<f64> = (0..self.n).map(|i| self.at(i, k)).collect();
         for i in (0..self.n).filter(|i| *i != k) {
             for j in (0..=i).filter(|j| *j != k) {
-                self.products[i * self.n + j] -= column[i] * column[j] / pivot;
+                self.products[i * self.n + j] -= self.at(i, k) * self.at(j, k) / pivot;
             }
         }
         (0..self.n).for_each(|i| self.products[i.max(k) * self.n + i.min(k)] = 0.0);
     }
 
-    /// Share of `y`'s variance that the others explain.
-    fn explained(&self) -> f64 {
-        let (mut rest, y) = (self.clone(), self.n - 1);
+    /// Share of `y`'s variance that the others explain; `rest` is room to work in.
+    fn explained(&self, rest: &mut Self) -> f64 {
+        rest.clone_from(self);
+        let y = self.n - 1;
         let whole = self.at(y, y);
         for k in 0..y {
             // What hardly differs from the others before it would only divide by rounding errors.
@@ -269,20 +289,55 @@ fn taps(half: usize, period: f64, order: usize) -> Vec<f64> {
     taps
 }
 
-/// A term through its window, every `stride` samples; NaN where a sample is missing.
-fn filtered(term: &Term, half: usize, period: f64, stride: usize) -> Vec<f64> {
-    let mut sum = Vec::new();
-    for (values, order) in &term.parts {
-        let taps = taps(half, period, *order);
-        let windows = values.windows(taps.len()).step_by(stride);
-        let part = windows.map(|window| window.iter().zip(&taps).map(|(value, weight)| value * weight).sum::<f64>());
-        if sum.is_empty() {
-            sum = part.collect();
-        } else {
-            sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
+/// Values of a term that are worked out together; with the samples below them they fit the first-level cache.
+const CHUNK: usize = 512;
+
+/// A term through its window, one value every `stride` samples; NaN where a sample is missing.
+struct Filter<'a> {
+    /// Samples and the taps on them.
+    parts: Vec<(&'a [f64], Vec<f64>)>,
+    stride: usize,
+}
+
+impl<'a> Filter<'a> {
+    fn new(term: &'a Term, half: usize, period: f64, stride: usize) -> Self {
+        let parts = term.parts.iter().map(|(values, order)| (values.as_slice(), taps(half, period, *order)));
+        Self { parts: parts.collect(), stride }
+    }
+
+    /// Number of values.
+    fn len(&self) -> usize {
+        let (values, taps) = &self.parts[0];
+        (values.len() + 1).saturating_sub(taps.len()).div_ceil(self.stride)
+    }
+
+    /// The values from number `from` on. Those of a chunk grow tap by tap side by side, each in the order of its window.
+    fn fill(&self, from: usize, to: &mut [f64]) {
+        let mut sums = [0.0; CHUNK];
+        for (index, chunk) in to.chunks_mut(CHUNK).enumerate() {
+            let first = (from + index * CHUNK) * self.stride;
+            for (number, (values, taps)) in self.parts.iter().enumerate() {
+                let sums = &mut sums[..chunk.len()];
+                // An empty sum is -0.
+                sums.fill(-0.0);
+                for (i, weight) in taps.iter().enumerate() {
+                    let samples = &values[first + i..];
+                    if self.stride == 1 {
+                        sums.iter_mut().zip(samples).for_each(|(sum, value)| *sum += value * weight);
+                    } else {
+                        sums.iter_mut()
+                            .zip(samples.iter().step_by(self.stride))
+                            .for_each(|(sum, value)| *sum += value * weight);
+                    }
+                }
+                if number == 0 {
+                    chunk.copy_from_slice(sums);
+                } else {
+                    chunk.iter_mut().zip(sums).for_each(|(value, sum)| *value += *sum);
+                }
+            }
         }
     }
-    sum
 }
 
 /// The first derivative of a term through the window at every sample; missing at both ends.
@@ -292,21 +347,27 @@ pub(super) fn slope(term: &Term, period: f64) -> Vec<f64> {
     let mut slope = vec![f64::NAN; length];
     let once =
         Term { parts: term.parts.iter().map(|(values, order)| (values.clone(), order + 1)).collect(), ..term.clone() };
-    slope.iter_mut().skip(half + 1).zip(filtered(&once, half, period, 1)).for_each(|(cell, value)| *cell = value);
+    if length > 0 {
+        let filter = Filter::new(&once, half, period, 1);
+        let count = filter.len();
+        if count > 0 {
+            filter.fill(0, &mut slope[half + 1..][..count]);
+        }
+    }
     slope
 }
 
-/// Where all of the samples up to `reach` before and after are there.
-fn surrounded(values: &[f64], reach: usize, there: &mut [bool]) {
-    let mut good = 0;
-    for k in 0..values.len() + reach {
-        good = if values.get(k).is_some_and(|value| value.is_finite()) { good + 1 } else { 0 };
-        if let Some(centre) = k.checked_sub(reach)
-            && good < 2 * reach + 1
-        {
-            there[centre] = false;
+/// What stands within `reach` of increasing numbers, as ranges that do not touch.
+fn around(numbers: &[usize], reach: usize) -> Vec<Range<usize>> {
+    let mut ranges: Vec<Range<usize>> = Vec::new();
+    for number in numbers {
+        let range = number - reach..number + reach + 1;
+        match ranges.last_mut() {
+            Some(last) if last.end >= range.start => last.end = range.end,
+            _ => ranges.push(range),
         }
     }
+    ranges
 }
 
 /// The sums over some instants for every lag of the late terms, from `-reach` to `reach`. At each instant all lags are
@@ -367,25 +428,41 @@ pub fn answer(signals: &Signals, relation: &Relation) -> Option<Answer> {
     let stride = ((LAG / period).round() as usize).max(1);
     let step = period * stride as f64;
     let terms: Vec<&Term> = relation.x.iter().chain([&relation.y]).collect();
-    let values: Vec<Vec<f64>> = terms.iter().map(|term| filtered(term, half, period, stride)).collect();
+    let filters: Vec<Filter> = terms.iter().map(|term| Filter::new(term, half, period, stride)).collect();
     let n = terms.len();
-    let count = values[0].len();
+    let count = filters[0].len();
     let reach = ((REACH.0 / step).round() as usize).max(REACH.1);
     let length = ((count as f64 * step / BLOCK) as usize).clamp(BLOCKS.0, BLOCKS.1);
     let block = count / length;
     if block < 4 {
         return None;
     }
-    let mut there = vec![true; count];
-    for (term, values) in terms.iter().zip(&values) {
-        surrounded(values, if term.side == Side::Late { reach } else { 0 }, &mut there);
-    }
     let apart = ((APART / step).round() as usize).min(block / ENOUGH);
     let every = count.div_ceil(INSTANTS).max(apart).max(1);
     let lags = 2 * reach + 1;
+    let reaches: Vec<usize> = terms.iter().map(|term| if term.side == Side::Late { reach } else { 0 }).collect();
+    let farthest = reaches.iter().copied().max().unwrap_or(0);
+    // The values of a block, and as many before and after it as lags reach; only those that instants need are filled.
+    let mut values = vec![vec![f64::NAN; block + 2 * farthest]; n];
     let mut sums: Vec<Vec<Gram>> = Vec::with_capacity(length);
     for b in 0..length {
-        let instants: Vec<usize> = (b * block..(b + 1) * block).step_by(every).filter(|k| there[*k]).collect();
+        let first = (b * block).saturating_sub(farthest);
+        let inside = farthest..count.saturating_sub(farthest);
+        let mut instants: Vec<usize> =
+            (b * block..(b + 1) * block).step_by(every).filter(|k| inside.contains(k)).collect();
+        for ((filter, values), reach) in filters.iter().zip(&mut values).zip(&reaches) {
+            for range in around(&instants, *reach) {
+                filter.fill(range.start, &mut values[range.start - first..range.end - first]);
+            }
+        }
+        instants.iter_mut().for_each(|k| *k -= first);
+        let there = |k: usize| {
+            values.iter().zip(&reaches).all(|(values, reach)| {
+                // To count them all is faster than to stop at the first.
+                values[k - reach..=k + reach].iter().filter(|value| !value.is_finite()).count() == 0
+            })
+        };
+        instants.retain(|k| there(*k));
         let grams = by_lag(&terms, &values, &instants, reach).into_iter();
         sums.push(grams.map(|gram| if relation.constant { gram.centred() } else { gram }).collect());
     }
@@ -395,8 +472,11 @@ pub fn answer(signals: &Signals, relation: &Relation) -> Option<Answer> {
     }
     let mut total: Vec<Gram> = (0..lags).map(|_| Gram::new(n)).collect();
     sums.iter().for_each(|block| total.iter_mut().zip(block).for_each(|(sum, gram)| sum.add(gram, 1.0)));
-    let best = |all: &[Gram]| {
-        let shares: Vec<f64> = all.iter().map(Gram::explained).collect();
+    let mut room = Gram::new(n);
+    let mut shares = Vec::with_capacity(lags);
+    let mut best = |all: &[Gram]| {
+        shares.clear();
+        shares.extend(all.iter().map(|gram| gram.explained(&mut room)));
         let (top, share) = shares.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
         let inside = top > 0 && top + 1 < lags;
         let shift = if inside {
@@ -413,9 +493,9 @@ pub fn answer(signals: &Signals, relation: &Relation) -> Option<Answer> {
     // Jackknife: all blocks but one.
     let mut delays = Vec::with_capacity(sums.len());
     let mut steady = true;
+    let mut rest = total.clone();
     for out in &sums {
-        let mut rest = total.clone();
-        rest.iter_mut().zip(out).for_each(|(sum, gram)| sum.add(gram, -1.0));
+        rest.iter_mut().zip(&total).zip(out).for_each(|((rest, sum), out)| rest.assign_difference(sum, out));
         let (_, _, delay, _) = best(&rest)?;
         delays.push(delay);
         let (other, size) = rest[top].first();
@@ -426,7 +506,7 @@ pub fn answer(signals: &Signals, relation: &Relation) -> Option<Answer> {
     let variance = delays.iter().map(|delay| (delay - mean).powi(2)).sum::<f64>() * (k - 1.0) / k;
     // Lags are found on a grid: no delay is known better than a part of its step.
     let delay_std = if inside { variance.sqrt().max(0.05 * step) } else { f64::INFINITY };
-    let explained_now = total[reach].explained();
+    let explained_now = total[reach].explained(&mut Gram::new(n));
     let (correlation_now, _) = total[reach].first();
     Some(Answer { correlation, correlation_now, gain, steady, explained, explained_now, delay, delay_std })
 }

@@ -28,7 +28,11 @@ impl<'a> Signals<'a> {
         for Channel { name, values } in &mut own.channels {
             let Some(variable) = subject.input(name) else { continue };
             let (low, high) = variable.range;
-            values.iter_mut().filter(|value| !(low..=high).contains(*value)).for_each(|value| *value = f64::NAN);
+            let impossible = |value: &f64| *value < low || *value > high;
+            // Most channels are as they should be, and need no copy.
+            if values.iter().any(impossible) {
+                values.iter_mut().filter(|value| impossible(value)).for_each(|value| *value = f64::NAN);
+            }
         }
         let (even, period) = own.on_even_steps();
         let log = even.into_owned();
@@ -57,7 +61,7 @@ impl<'a> Signals<'a> {
 
     /// A channel as a term, its `order`-th derivative to be taken.
     pub fn term(&self, name: &str, order: usize) -> Option<Term> {
-        let values = self.channel(name)?.to_vec();
+        let values = self.channel(name).and(self.log.series(name))?;
         Some(Term { channels: vec![name.to_owned()], parts: vec![(values, order)], side: Side::Model })
     }
 
@@ -85,7 +89,7 @@ impl<'a> Signals<'a> {
             sum.iter_mut().zip(self.channel(name)?).for_each(|(sum, value)| *sum += value / there.len() as f64);
         }
         let channels: Vec<String> = there.iter().map(|name| (*name).to_owned()).collect();
-        (!channels.is_empty()).then_some(Term { channels, parts: vec![(sum, order)], side: Side::Model })
+        (!channels.is_empty()).then_some(Term { channels, parts: vec![(sum.into(), order)], side: Side::Model })
     }
 
     /// The product of two signals that are no derivatives, sample by sample.
@@ -99,7 +103,7 @@ impl<'a> Signals<'a> {
 
     /// The smoothed slope of a signal, as a signal of its own that can be multiplied.
     pub fn slope(&self, term: &Term) -> Term {
-        let values = super::relation::slope(term, self.period);
+        let values = super::relation::slope(term, self.period).into();
         Term { channels: term.channels.clone(), parts: vec![(values, 0)], side: Side::Model }
     }
 }
