@@ -48,6 +48,8 @@ pub struct Session<'a> {
     /// Where a refinement tells how far it is.
     pub progress: Progress,
     options: Options,
+    /// Only differences between fits are looked for.
+    coarse: bool,
     targets: &'a [Target],
     solutions: Vec<Solution>,
     /// Parameters whose profile is wanted.
@@ -70,6 +72,7 @@ impl<'a> Session<'a> {
         Self {
             progress: Progress::none(),
             options: Options { loss: request.loss, correct: request.correct, ..Options::default() },
+            coarse: false,
             targets,
             solutions: Vec::new(),
             profiled: &[],
@@ -87,6 +90,7 @@ impl<'a> Session<'a> {
 
     /// The same for differences between fits: least squares, which has the same sensitivities and needs no iteration.
     pub(super) fn coarse(mut self, coarse: bool) -> Self {
+        self.coarse = coarse;
         if coarse {
             self.options.loss = Loss::Ls;
         }
@@ -126,6 +130,12 @@ impl<'a> Session<'a> {
     /// Whether the user asked to subtract the estimated bias.
     pub fn corrects(&self) -> bool {
         self.options.correct
+    }
+
+    /// Whether it matters what noise the rows hold ([`Rows::noise`](crate::solve::Rows)): it makes biases, which the estimates
+    /// of a fit that only differences are looked for with do not contain unless they are subtracted.
+    pub fn weighs_noise(&self) -> bool {
+        !self.coarse || self.options.correct
     }
 
     /// The loss the user asked for.

@@ -41,6 +41,7 @@ use crate::progress::Progress;
 use crate::solve::{Regression, Rows, Unknown};
 use refine::{Segment, Setup};
 use rows::{Body, Drive, GRAVITY, Signals, Windows};
+use std::sync::Arc;
 use sway::Passive;
 use wheelstate::Variables;
 use wheelstate::estimator::nursing_robot::Parameters;
@@ -82,16 +83,18 @@ fn targets(_: &[Log]) -> Vec<Target> {
     usual.chain(others).map(|(name, usual)| Target::declared(&declared, name, usual)).collect()
 }
 
-/// Length of the windows in seconds, and the power of the modulating function.
-fn modulating_function(period: f64, seconds: f64, power: i32) -> ModulatingFunction {
+/// Length of the windows in seconds, and the power of the modulating function: of the sway, and without a tilt sensor.
+const SWAY: (f64, i32) = (1.2, 4);
+const WHEELS_ONLY: (f64, i32) = (2.0, 6);
+
+fn modulating_function(period: f64, (seconds, power): (f64, i32)) -> ModulatingFunction {
     ModulatingFunction::polynomial(ModulatingFunction::steps(seconds, period), period, power)
 }
 
 /// A modulating function per log and the signals it goes over.
 pub(super) struct Windowed {
     signals: Signals,
-    sway: ModulatingFunction,
-    wheels_only: ModulatingFunction,
+    sway: Arc<ModulatingFunction>,
     overlap: usize,
 }
 
@@ -112,12 +115,17 @@ fn over<'a>(logs: &'a [Windowed], progress: &Progress) -> impl Iterator<Item = W
 }
 
 pub(super) fn windowed(task: &Task) -> Result<Vec<Windowed>, FitError> {
+    // Pieces of a log, and logs of one recorder, have one period.
+    let mut before: Option<(f64, Arc<ModulatingFunction>)> = None;
     let of = |log: &Log| {
         let signals = signals::signals(log, task.known)?;
-        let (sway, wheels_only) =
-            (modulating_function(signals.period, 1.2, 4), modulating_function(signals.period, 2.0, 6));
+        let sway = match &before {
+            Some((period, sway)) if *period == signals.period => Arc::clone(sway),
+            _ => Arc::new(modulating_function(signals.period, SWAY)),
+        };
+        before = Some((signals.period, Arc::clone(&sway)));
         let overlap = if task.coarse { COARSE_OVERLAP } else { rows::OVERLAP };
-        Ok(Windowed { signals, sway, wheels_only, overlap })
+        Ok(Windowed { signals, sway, overlap })
     };
     task.logs.iter().map(of).collect()
 }
@@ -177,7 +185,7 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     }
     // Without tilt the sway force comes from the passive model driven by the measured speed.
     for log in logs.iter_mut().filter(|log| log.signals.pitch.is_empty() && seated) {
-        log.signals.pitch = sway::pitch_from_speed(&log.signals, &body, &hip);
+        log.signals.pitch = sway::pitch_from_speed(&log.signals, &body, &hip).into();
     }
     if task.wants(ROBOT_MASS) || task.wants(HUMAN_MASS) {
         mass(task, &logs, &body, &part(third, 1.0), session)
@@ -194,12 +202,15 @@ fn apparent_slope(windows: &Windows) -> Option<Offset> {
     if s.accel.is_empty() {
         return None;
     }
-    let difference = |at: usize| {
-        let int = |order: usize, x: &[f64]| windows.psi.integral(order, at, |i| x[i]);
-        (int(0, &s.accel) + int(1, &s.speed)) / windows.psi.integral(0, at, |_| 1.0)
-    };
-    let of = |(index, at): (usize, usize)| ((index / windows.cluster) as u32, difference(at));
-    let values: Vec<(u32, f64)> = windows.starts().enumerate().map(of).collect();
+    let starts: Vec<usize> = windows.starts().collect();
+    let terms = |i: usize| [s.accel[i], s.speed[i]];
+    let differences = rows::each(windows, &starts, terms, |terms, at| {
+        let of = |[psi, slope, _]: [f64; 3], [accel, speed]: &[f64; 2]| [psi * accel, slope * speed, psi];
+        let [accel, speed, one] = terms.integrals(windows.psi, at, of);
+        (accel + speed) / one
+    });
+    let of = |(index, difference)| ((index / windows.cluster) as u32, difference);
+    let values: Vec<(u32, f64)> = differences.into_iter().enumerate().map(of).collect();
     Offset::of_clusters(&values, "accel_x", "m/s2", "the change of the speed says")
 }
 
@@ -262,7 +273,9 @@ fn pitch(
     for windows in over(logs, progress).filter(|windows| !windows.signals.pitch.is_empty()) {
         rows::pitch(&mut all, &windows, body);
     }
-    noise::pitch(&mut all, logs, body);
+    if session.weighs_noise() {
+        noise::pitch(&mut all, logs, body);
+    }
     let fit = session.solve(&regression("pitch", spring(), all), &PITCH)?;
     let Some(fit) = fit else { return Ok(None) };
     passive_joint(session, fit, PITCH);
@@ -282,7 +295,9 @@ fn roll(logs: &[Windowed], body: &Body, progress: &Progress, session: &mut Sessi
     for windows in over(logs, progress).filter(|windows| !windows.signals.roll.is_empty()) {
         rows::roll(&mut all, &windows, body);
     }
-    noise::roll(&mut all, logs, body);
+    if session.weighs_noise() {
+        noise::roll(&mut all, logs, body);
+    }
     if let Some(fit) = session.solve(&regression("roll", spring(), all), &ROLL)? {
         passive_joint(session, fit, ROLL);
     }
@@ -298,7 +313,8 @@ fn wheels_only(
 ) -> Result<Option<Passive>, FitError> {
     let mut all = Rows::new("wheels only", "N2.s3", 3);
     for (index, log) in logs.iter().enumerate() {
-        rows::wheels_only(&mut all, &log.windows(&log.wheels_only, progress.piece(index, logs.len())), body);
+        let psi = modulating_function(log.signals.period, WHEELS_ONLY);
+        rows::wheels_only(&mut all, &log.windows(&psi, progress.piece(index, logs.len())), body);
     }
     let toppling = body.b * GRAVITY;
     let unknowns = vec![
@@ -383,7 +399,9 @@ fn force_balance(
     let unknowns = if task.wants(EFFICIENCY) { Drive::RollingEfficiency } else { Drive::Rolling };
     let mut all = Rows::new("force balance", "N.s", unknowns.unknowns());
     over(logs, progress).for_each(|windows| rows::drive(&mut all, &windows, body, unknowns, false));
-    noise::drive(&mut all, logs, body, unknowns, false);
+    if session.weighs_noise() {
+        noise::drive(&mut all, logs, body, unknowns, false);
+    }
     let mut sought = vec![Unknown::within("f", 0.0, 0.1)];
     if unknowns == Drive::RollingEfficiency {
         sought.push(Unknown::within("eta", 0.5, 1.5));
@@ -418,7 +436,9 @@ fn mass(
     let accelerometer = use_accelerometer(task, logs);
     let mut all = Rows::new("force balance", "N.s", unknowns.unknowns());
     over(logs, progress).for_each(|windows| rows::drive(&mut all, &windows, body, unknowns, accelerometer));
-    noise::drive(&mut all, logs, body, unknowns, accelerometer);
+    if session.weighs_noise() {
+        noise::drive(&mut all, logs, body, unknowns, accelerometer);
+    }
     let mut sought = vec![Unknown::within("f M", 0.0, f64::INFINITY), Unknown::within("m", 0.0, 1e5)];
     if unknowns == Drive::RollingRobotDrag {
         sought.push(Unknown::within("CdA", 0.0, 100.0));

@@ -13,6 +13,7 @@
 //! are multiplied with a modulating function and integrated by parts; no signal is differentiated. The pitch rate, which
 //! enters as a second-order term only, is the measured one or the slope of an 11-point quadratic.
 
+use crate::log::Series;
 use crate::problem::weak_form::ModulatingFunction;
 use crate::progress::Progress;
 use crate::solve::Rows;
@@ -66,19 +67,19 @@ pub struct Signals {
     /// `F'`, N.
     pub force: Vec<f64>,
     /// Speed, m/s.
-    pub speed: Vec<f64>,
+    pub speed: Series,
     /// Yaw rate, rad/s; zeros if the log has none.
-    pub yaw_rate: Vec<f64>,
+    pub yaw_rate: Series,
     /// Pitch, rad.
-    pub pitch: Vec<f64>,
+    pub pitch: Series,
     /// Pitch rate, measured or from the pitch, rad/s; zeros without pitch.
-    pub pitch_rate: Vec<f64>,
+    pub pitch_rate: Series,
     /// Roll, rad.
-    pub roll: Vec<f64>,
+    pub roll: Series,
     /// `w sin phi_x` and `w phi_x'` while turning, rad/s and rad/s2; empty where they are not known.
     pub turning: [Vec<f64>; 2],
     /// Longitudinal specific force, m/s2.
-    pub accel: Vec<f64>,
+    pub accel: Series,
 }
 
 impl Signals {
@@ -133,12 +134,23 @@ impl Windows<'_> {
         self.signals.start + self.signals.period * (start as f64 + 0.5 * (self.psi.len() - 1) as f64)
     }
 
-    /// `int psi (d(w sin phi_x)/dt + w phi_x')` of the window that starts at a sample: to leading order what a
+    /// `int psi (d(w sin phi_x)/dt + w phi_x')` of the windows that start at these samples: to leading order what a
     /// body that leans aside while the robot turns adds to the planar equations, times `b` in the
     /// longitudinal and times `J` in the pitch equation (Yang et al. leave it out). 0 where unknown.
-    pub fn turning(&self, start: usize) -> f64 {
+    pub fn turning(&self, starts: &[usize]) -> Vec<f64> {
         let [lean, rate] = &self.signals.turning;
-        if lean.is_empty() { 0.0 } else { self.int(0, start, |i| rate[i]) - self.int(1, start, |i| lean[i]) }
+        if lean.is_empty() {
+            return vec![0.0; starts.len()];
+        }
+        each(
+            self,
+            starts,
+            |i| [rate[i], lean[i]],
+            |terms, at| {
+                let [rate, lean] = terms.integrals(self.psi, at, |psi, [rate, lean]| [psi[0] * rate, psi[1] * lean]);
+                rate - lean
+            },
+        )
     }
 
     fn int(&self, order: usize, start: usize, x: impl Fn(usize) -> f64) -> f64 {
@@ -156,30 +168,35 @@ pub const OVERLAP: usize = 12;
 const PART: usize = 128;
 
 /// What the rows of an equation are integrals of, sample by sample: windows overlap, and sines are dear.
-struct Terms<const N: usize> {
+pub(super) struct Terms<const N: usize> {
     first: usize,
     samples: Vec<[f64; N]>,
 }
 
 impl<const N: usize> Terms<N> {
-    /// `int psi^(order) x dt` of one term over the window that starts at a sample.
-    fn integral(&self, psi: &ModulatingFunction, order: usize, start: usize, term: usize) -> f64 {
-        psi.integral(order, start, |i| self.samples[i - self.first][term])
-    }
-
-    /// The same of all terms.
-    fn integrals(&self, psi: &ModulatingFunction, order: usize, start: usize) -> [f64; N] {
+    /// Integrals over the window that starts at a sample, of which `of` says what a sample adds to each, given `psi`, `psi'` and
+    /// `psi''` and its terms. Side by side they take hardly longer than one of them.
+    pub(super) fn integrals<const M: usize>(
+        &self,
+        psi: &ModulatingFunction,
+        start: usize,
+        of: impl Fn([f64; 3], &[f64; N]) -> [f64; M],
+    ) -> [f64; M] {
+        let [zeroth, first, second, _] = &psi.weights;
         // An empty sum is -0.
-        let mut sums = [-0.0; N];
-        for (weight, terms) in psi.weights[order].iter().zip(&self.samples[start - self.first..]) {
-            sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += weight * term);
+        let mut sums = [-0.0; M];
+        for (((psi, slope), bend), terms) in
+            zeroth.iter().zip(first).zip(second).zip(&self.samples[start - self.first..])
+        {
+            let more = of([*psi, *slope, *bend], terms);
+            sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
         }
         sums
     }
 }
 
 /// Something of each window, given by its first sample, from the terms of its samples; in parallel and kept in order.
-fn each<const N: usize, T: Send>(
+pub(super) fn each<const N: usize, T: Send>(
     windows: &Windows,
     starts: &[usize],
     terms: impl Fn(usize) -> [f64; N] + Sync,
@@ -196,25 +213,28 @@ fn each<const N: usize, T: Send>(
 
 /// Appends one row per window, in order; each log counts its own clusters.
 /// `neglected` times [`Windows::turning`] is what the right-hand sides hold beyond the planar equations.
-fn fill(rows: &mut Rows, windows: &Windows, neglected: f64, of: impl Fn(&[usize]) -> Vec<JointRow>) {
+fn fill(rows: &mut Rows, windows: &Windows, neglected: f64, of: impl Fn(&[usize]) -> Vec<Row>) {
     let first_cluster = rows.cluster.last().map_or(0, |last| last + 1);
     let before = rows.len();
     let starts: Vec<usize> = windows.starts().collect();
     for (index, some) in starts.chunks(CHUNK).enumerate() {
         windows.progress.reach((index * CHUNK) as f64 / starts.len() as f64);
-        let turning: Vec<f64> = some.par_iter().map(|&at| neglected * windows.turning(at)).collect();
-        for ((a, y), neglected) in of(some).into_iter().zip(turning) {
+        for ((a, y), turning) in of(some).into_iter().zip(windows.turning(some)) {
+            let neglected = neglected * turning;
             let cluster = first_cluster + ((rows.len() - before) / windows.cluster) as u32;
             rows.guessed |= windows.signals.roll.is_empty();
-            if rows.push(&a, y, cluster) {
+            if rows.push(&a[..rows.columns], y, cluster) {
                 rows.neglected.push(if neglected.is_finite() { neglected } else { 0.0 });
             }
         }
     }
 }
 
+/// A row, of which the first entries count, as many as there are unknowns, and its right-hand side.
+type Row = ([f64; 3], f64);
+
 /// One row of `[k, c, k phi_0]` and its right-hand side, N.m.s, of the window that starts at a sample.
-pub type JointRow = (Vec<f64>, f64);
+pub type JointRow = Row;
 
 /// The pitch rows of the windows that start at these samples.
 pub fn pitch_rows(windows: &Windows, body: &Body, starts: &[usize]) -> Vec<JointRow> {
@@ -226,10 +246,13 @@ pub fn pitch_rows(windows: &Windows, body: &Body, starts: &[usize]) -> Vec<Joint
         [phi, 1.0, v * sin * s.pitch_rate[i] - GRAVITY * sin, w.powi(2) * sin * cos, v * cos]
     };
     each(windows, starts, terms, |terms, at| {
-        let [angle, one, coupling, turning, _] = terms.integrals(psi, 0, at);
-        let row = vec![angle, -terms.integral(psi, 1, at, 0), -one];
-        let inertia = j * terms.integral(psi, 2, at, 0) - b * terms.integral(psi, 1, at, 4);
-        (row, -(inertia + b * coupling - j * turning))
+        let of = |psi: [f64; 3], [phi, one, coupling, turning, forward]: &[f64; 5]| {
+            let [psi, slope, bend] = psi;
+            [psi * phi, psi * one, psi * coupling, psi * turning, slope * phi, bend * phi, slope * forward]
+        };
+        let [angle, one, coupling, turning, rate, bend, forward] = terms.integrals(psi, at, of);
+        let inertia = j * bend - b * forward;
+        ([angle, -rate, -one], -(inertia + b * coupling - j * turning))
     })
 }
 
@@ -248,10 +271,13 @@ pub fn roll_rows(windows: &Windows, body: &Body, starts: &[usize]) -> Vec<JointR
         [roll, 1.0, coupling, w * pitch.sin()]
     };
     each(windows, starts, terms, |terms, at| {
-        let [angle, one, coupling, _] = terms.integrals(psi, 0, at);
-        let row = vec![angle, -terms.integral(psi, 1, at, 0), -one];
-        let inertia = j * terms.integral(psi, 2, at, 0) + j * terms.integral(psi, 1, at, 3);
-        (row, -(inertia + coupling))
+        let of = |psi: [f64; 3], [roll, one, coupling, aside]: &[f64; 4]| {
+            let [psi, slope, bend] = psi;
+            [psi * roll, psi * one, psi * coupling, slope * roll, bend * roll, slope * aside]
+        };
+        let [angle, one, coupling, rate, bend, aside] = terms.integrals(psi, at, of);
+        let inertia = j * bend + j * aside;
+        ([angle, -rate, -one], -(inertia + coupling))
     })
 }
 
@@ -309,13 +335,20 @@ pub fn longitudinal(
         ]
     };
     each(windows, starts, terms, |terms, at| {
-        let [force, accel, turning, rolling, drags, one, ..] = terms.integrals(psi, 0, at);
-        let speed_rate = -terms.integral(psi, 1, at, 6);
+        let of = |psi: [f64; 3], terms: &[f64; 8]| {
+            let [psi, slope, bend] = psi;
+            let [force, accel, turning, rolling, drags, one, speed, sway] = *terms;
+            let plain = [force, accel, turning, rolling, drags, one].map(|term| psi * term);
+            let [force, accel, turning, rolling, drags, one] = plain;
+            [force, accel, turning, rolling, drags, one, slope * speed, bend * sway]
+        };
+        let [force, accel, turning, rolling, drags, one, speed, bend] = terms.integrals(psi, at, of);
+        let speed_rate = -speed;
         Longitudinal {
             force,
             speed_rate,
             inertial: if accelerometer { accel } else { speed_rate },
-            sway: if sways { body.lever * (terms.integral(psi, 2, at, 7) - turning) } else { 0.0 },
+            sway: if sways { body.lever * (bend - turning) } else { 0.0 },
             rolling: GRAVITY * rolling,
             drag: if drag { 0.5 * body.air_density * drags } else { 0.0 },
             one,
@@ -358,17 +391,17 @@ pub fn drive(rows: &mut Rows, windows: &Windows, body: &Body, unknowns: Drive, a
         let sway = body.human_mass * l.sway;
         let carried = body.total_mass() * l.inertial + sway + resist;
         match unknowns {
-            Drive::Rolling => (vec![body.total_mass() * l.rolling], body.efficiency * l.force - carried),
-            Drive::RollingEfficiency => (vec![body.total_mass() * l.rolling, -l.force], -carried),
+            Drive::Rolling => ([body.total_mass() * l.rolling, 0.0, 0.0], body.efficiency * l.force - carried),
+            Drive::RollingEfficiency => ([body.total_mass() * l.rolling, -l.force, 0.0], -carried),
             Drive::RollingLoad => (
-                vec![l.rolling, l.inertial + l.sway],
+                [l.rolling, l.inertial + l.sway, 0.0],
                 body.efficiency * l.force - body.robot_mass * l.inertial - resist,
             ),
             Drive::RollingRobot => {
-                (vec![l.rolling, l.inertial], body.efficiency * l.force - body.human_mass * l.inertial - sway - resist)
+                ([l.rolling, l.inertial, 0.0], body.efficiency * l.force - body.human_mass * l.inertial - sway - resist)
             }
             Drive::RollingRobotDrag => (
-                vec![l.rolling, l.inertial, l.drag],
+                [l.rolling, l.inertial, l.drag],
                 body.efficiency * l.force - body.human_mass * l.inertial - sway - spinning,
             ),
         }
@@ -388,11 +421,11 @@ pub fn wheels_only(rows: &mut Rows, windows: &Windows, body: &Body) {
     let row = |at: usize| {
         let int = |order, x: &dyn Fn(usize) -> f64| windows.int(order, at, x);
         if !(at..at + windows.psi.len()).all(|i| s.speed[i] > slow) {
-            return (vec![f64::NAN; 3], f64::NAN);
+            return ([f64::NAN; 3], f64::NAN);
         }
         let force = |i: usize| body.efficiency * s.force[i];
         let speed = |i: usize| s.speed[i];
-        let row = vec![-int(1, &force) - mt * int(2, &speed), int(0, &force) + mt * int(1, &speed), -int(0, &|_| 1.0)];
+        let row = [-int(1, &force) - mt * int(2, &speed), int(0, &force) + mt * int(1, &speed), -int(0, &|_| 1.0)];
         (row, -(d * int(3, &speed) + body.j * int(2, &force)))
     };
     fill(rows, windows, 0.0, |starts| starts.par_iter().map(|at| row(*at)).collect());

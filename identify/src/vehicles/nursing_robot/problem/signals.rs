@@ -2,7 +2,7 @@
 
 use super::rows::{self, Body, Signals};
 use super::sway::roll_from_turning;
-use crate::log::Log;
+use crate::log::{Log, Series};
 use crate::problem::{FitError, Known};
 
 /// What is known of robot and person.
@@ -32,7 +32,7 @@ pub fn signals(log: &Log, known: &Known) -> Result<Signals, FitError> {
     log.require("torque_left")?;
     log.require("torque_right")?;
     let (log, period) = log.on_even_steps();
-    let channel = |name: &str| -> Vec<f64> {
+    let channel = |name: &str| -> Series {
         // A spike in a regressor is not bounded by a robust loss: what no machine does is missing.
         let largest = match name {
             "speed" => 200.0,
@@ -40,8 +40,12 @@ pub fn signals(log: &Log, known: &Known) -> Result<Signals, FitError> {
             "tilt" | "roll" => 1.5,
             _ => 100.0,
         };
-        let plausible = |value: &f64| if value.abs() <= largest { *value } else { f64::NAN };
-        log.channel(name).map(|values| values.iter().map(plausible).collect()).unwrap_or_default()
+        let mut values = log.series(name).unwrap_or_default();
+        // Most channels are as they should be, and need no copy.
+        if values.iter().any(|value| value.abs() > largest) {
+            values.iter_mut().filter(|value| value.abs() > largest).for_each(|value| *value = f64::NAN);
+        }
+        values
     };
     // A column that never holds a number is as good as none.
     let present = |name: &str| Some(channel(name)).filter(|values| values.iter().any(|value| !value.is_nan()));
@@ -49,16 +53,16 @@ pub fn signals(log: &Log, known: &Known) -> Result<Signals, FitError> {
     let (left, right) = (channel("torque_left"), channel("torque_right"));
     let pitch = present("tilt").unwrap_or_default();
     let pitch_rate = if pitch.is_empty() {
-        vec![0.0; log.len()]
+        vec![0.0; log.len()].into()
     } else {
-        present("tilt_rate").unwrap_or_else(|| rows::slope(&pitch, period))
+        present("tilt_rate").unwrap_or_else(|| rows::slope(&pitch, period).into())
     };
     let mut signals = Signals {
         period,
         start: log.time.first().copied().unwrap_or(0.0),
         force: left.iter().zip(&right).map(|(l, r)| (l + r) / radius).collect(),
         speed: channel("speed"),
-        yaw_rate: present("yaw_rate").unwrap_or_else(|| vec![0.0; log.len()]),
+        yaw_rate: present("yaw_rate").unwrap_or_else(|| vec![0.0; log.len()].into()),
         pitch,
         pitch_rate,
         roll: present("roll").unwrap_or_default(),
@@ -68,7 +72,7 @@ pub fn signals(log: &Log, known: &Known) -> Result<Signals, FitError> {
     let body = body(known);
     if body.j > 0.0 && signals.yaw_rate.iter().any(|w| *w != 0.0) {
         let rate = (!signals.roll.is_empty())
-            .then(|| present("roll_rate").unwrap_or_else(|| rows::slope(&signals.roll, period)));
+            .then(|| present("roll_rate").unwrap_or_else(|| rows::slope(&signals.roll, period).into()));
         signals.turning = turning(&signals, rate, &body, known);
     }
     Ok(signals)
@@ -76,7 +80,7 @@ pub fn signals(log: &Log, known: &Known) -> Result<Signals, FitError> {
 
 /// `w sin phi_x` and `w phi_x'`, from the measured roll or else from a passive person with the known
 /// stiffness and damping.
-fn turning(signals: &Signals, roll_rate: Option<Vec<f64>>, body: &Body, known: &Known) -> [Vec<f64>; 2] {
+fn turning(signals: &Signals, roll_rate: Option<Series>, body: &Body, known: &Known) -> [Vec<f64>; 2] {
     let product = |roll: &[f64], rate: &[f64]| {
         let w = &signals.yaw_rate;
         [

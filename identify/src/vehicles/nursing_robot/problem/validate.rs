@@ -26,7 +26,7 @@ pub(super) fn validate(task: &Task) -> Vec<Prediction> {
             all.extend(moment("roll moment", &source.source, log, &body, &super::side(task.known), rows::roll_rows));
         }
         if !measured_pitch && body.j > 0.0 {
-            log.signals.pitch = sway::pitch_from_speed(&log.signals, &body, &hip);
+            log.signals.pitch = sway::pitch_from_speed(&log.signals, &body, &hip).into();
         }
         all.extend(force(&source.source, log, &body, &hip, accelerometer));
     }
