@@ -141,10 +141,53 @@ fn append(
         ColumnReader::Int64ColumnReader(reader) => typed(reader, rows, |v| meaning.of_i64(*v), to),
         ColumnReader::Int96ColumnReader(reader) => typed(reader, rows, |v| meaning.of_int96(v), to),
         ColumnReader::FloatColumnReader(reader) => typed(reader, rows, |v| f64::from(*v), to),
-        ColumnReader::DoubleColumnReader(reader) => typed(reader, rows, |v| *v, to),
+        ColumnReader::DoubleColumnReader(reader) => doubles(reader, rows, to),
         ColumnReader::ByteArrayColumnReader(reader) => typed(reader, rows, |v| meaning.of_bytes(v.data()), to),
         ColumnReader::FixedLenByteArrayColumnReader(reader) => typed(reader, rows, |v| meaning.of_bytes(v.data()), to),
     }
+}
+
+/// Room that is made at once, whatever a damaged file says of its rows.
+const MOST_RESERVED: usize = 1 << 24;
+/// Values that are read at once; with their levels they fit the second-level cache.
+const PIECE: usize = 1 << 14;
+
+/// Reads all values of a column chunk of doubles, which are what a log holds: straight to their place.
+fn doubles(
+    mut reader: ColumnReaderImpl<DoubleType>,
+    (rows, top): (usize, i16),
+    to: &mut Vec<f64>,
+) -> Result<(), ParquetError> {
+    let mut levels = Vec::new();
+    let mut left = rows;
+    to.reserve(rows.min(MOST_RESERVED));
+    while left > 0 {
+        levels.clear();
+        let first = to.len();
+        let (records, present, count) = reader.read_records(left.min(PIECE), Some(&mut levels), None, to)?;
+        if records == 0 {
+            return Err(ended(left));
+        }
+        // Missing values are not stored: what is stored moves behind them, the last one first.
+        if present < count.min(levels.len()) {
+            to.resize(first + count, f64::NAN);
+            let mut from = first + present;
+            for (k, level) in levels[..count].iter().enumerate().rev() {
+                to[first + k] = if *level == top && from > first {
+                    from -= 1;
+                    to[from]
+                } else {
+                    f64::NAN
+                };
+            }
+        }
+        left -= records;
+    }
+    Ok(())
+}
+
+fn ended(left: usize) -> ParquetError {
+    ParquetError::General(format!("a column ends {left} values early"))
 }
 
 /// Reads all values of a column chunk in pieces.
@@ -159,9 +202,9 @@ fn typed<T: DataType>(
     while left > 0 {
         levels.clear();
         values.clear();
-        let (records, _, count) = reader.read_records(left.min(1 << 16), Some(&mut levels), None, &mut values)?;
+        let (records, _, count) = reader.read_records(left.min(PIECE), Some(&mut levels), None, &mut values)?;
         if records == 0 {
-            return Err(ParquetError::General(format!("a column ends {left} values early")));
+            return Err(ended(left));
         }
         let mut present = values.iter().map(&number);
         if levels[..count.min(levels.len())].iter().all(|level| *level == top) {
