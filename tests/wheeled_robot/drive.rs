@@ -40,14 +40,30 @@ pub fn machine() -> Machine {
 
 /// Sensors of a robot that snakes at 3 m/s (or stands), with the true motion.
 pub fn drive(seed: u64, seconds: f64, speed: f64, swing: f64) -> Vec<(Inputs, [f64; 3])> {
-    let machine = machine();
+    drive_of(&machine(), seed, seconds, speed, swing)
+}
+
+/// The same of another robot.
+pub fn drive_of(machine: &Machine, seed: u64, seconds: f64, speed: f64, swing: f64) -> Vec<(Inputs, [f64; 3])> {
+    drive_with(machine, seed, seconds, speed, swing, |_, now| 0.1 * (speed - now).clamp(-5.0, 5.0) * 9.0)
+}
+
+/// The same with the torque on each wheel, N m, from time and speed: a negative one brakes.
+pub fn drive_with(
+    machine: &Machine,
+    seed: u64,
+    seconds: f64,
+    speed: f64,
+    swing: f64,
+    torque: impl Fn(f64, f64) -> f64,
+) -> Vec<(Inputs, [f64; 3])> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut noise = |std: f64| std * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng);
     let mut x = machine.rolling_at(speed);
     (0..(seconds / DT) as usize)
         .map(|k| {
             let steer = swing * (2.5 * k as f64 * DT).sin();
-            let torque = 0.1 * (speed - x[0]).clamp(-5.0, 5.0) * 9.0;
+            let torque = torque(k as f64 * DT, x[0]);
             let controls = Controls { steering: steer, drive: [torque; 4], brake: [0.0; 4] };
             let truth = machine.truth(&x, &controls);
             let sample = sensed(&x, &truth, &controls, &mut noise);

@@ -4,5 +4,6 @@ mod consistency;
 mod drive;
 mod inputs;
 mod multibody;
+mod parameters;
 mod slip;
 mod vectors;

@@ -82,7 +82,7 @@ fn ride(of: &Ride, seed: u64) -> Drive {
 }
 
 /// Shares of the samples of speed_x and speed_y that are healthy and beyond three standard deviations; share healthy.
-fn judge(what: &str, runs: &[(Vec<Outputs>, Drive)]) -> ([f64; 2], f64) {
+pub fn judge(what: &str, runs: &[(Vec<Outputs>, Drive)]) -> ([f64; 2], f64) {
     let (mut squares, mut within, mut wrong, mut healthy, mut count) = ([0.0; 2], [0.0; 2], [0.0; 2], 0.0, 0.0);
     let samples = runs.iter().flat_map(|(out, drive)| out.iter().zip(drive));
     for (o, (_, truth)) in samples {
@@ -105,7 +105,7 @@ fn judge(what: &str, runs: &[(Vec<Outputs>, Drive)]) -> ([f64; 2], f64) {
 }
 
 /// No torque was ever set: the accelerometer gives the forces.
-fn without_torques(i: &mut Inputs) {
+pub fn without_torques(i: &mut Inputs) {
     for torque in [
         &mut i.drive_torque_fl,
         &mut i.drive_torque_fr,
@@ -131,13 +131,20 @@ fn a_robot_whose_wheels_slip_spin_or_lock_is_not_sure_of_a_wrong_speed() {
         // how much of the grip goes into the drive only the friction ellipse says where no torque does
         combined.tire.combined = true;
         let rides: Vec<Drive> = (700..712).map(|seed| ride(of, seed)).collect();
-        let variants =
-            [("torques", &p), ("slip stiffness", &known), ("front wheels", &front), ("no torques", &combined)];
+        let variants = [
+            ("torques", &p),
+            ("slip stiffness", &known),
+            ("front wheels", &front),
+            ("inclined sensor", &p),
+            ("no torques", &p),
+            ("no torques, friction ellipse", &combined),
+        ];
         for (what, p) in variants {
-            let spoil = |_, i: &mut Inputs| {
-                if what == "no torques" {
-                    without_torques(i)
-                }
+            let spoil = |_, i: &mut Inputs| match what {
+                "no torques" | "no torques, friction ellipse" => without_torques(i),
+                // twice the standard deviation that is said by default
+                "inclined sensor" => i.accel_x += 0.4,
+                _ => {}
             };
             let runs: Vec<_> = rides.iter().map(|drive| (run(p, drive, spoil), drive.clone())).collect();
             let (wrong, healthy) = judge(&format!("{}, {what}", of.name), &runs);

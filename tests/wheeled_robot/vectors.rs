@@ -44,6 +44,7 @@ fn robot(combined: bool) -> WheeledRobot {
         track_front: number("tf"),
         track_rear: number("tr"),
         cg_height: number("h"),
+        ..Vehicle::default()
     };
     let tire = TireSet { front: tire(&v["front"]), rear: tire(&v["rear"]), combined };
     WheeledRobot::new(&vehicle, &tire, number("v_min"))

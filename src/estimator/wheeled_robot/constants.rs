@@ -5,17 +5,27 @@ use super::parameters::Parameters;
 use super::speed_knowledge::is_measured;
 use crate::filter::gaussian::FactoredGaussian;
 use crate::filter::square_root::{absorb, product};
-use crate::model::wheeled_robot::{Drive, Motion, WheeledRobot, Wheels};
+use crate::model::wheeled_robot::{Drive, Forces, Motion, Vehicle, WheeledRobot, Wheels};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Number of constants: relative errors of stiffness, front and rear, of friction likewise, of the radius; the bias; the
-/// directions, front and rear; the slip.
-const COUNT: usize = 9;
+/// Number of constants: relative errors of stiffness, front and rear, of friction likewise, of the radius; the lateral bias; the
+/// directions, front and rear; the yaw inertia; the place of the centre of gravity; the longitudinal bias; the slip.
+const COUNT: usize = 12;
 const RADIUS: usize = 4;
 const BIAS: usize = 5;
 const STEERING: usize = 6;
-const SLIP: usize = 8;
+const INERTIA: usize = 8;
+const PLACE: usize = 9;
+const LONGITUDINAL: usize = 10;
+const SLIP: usize = 11;
+
+/// Slip angle of the brush model over that of the linear tyre, where a wheel's force uses this share of the friction: 3 where the
+/// tyre begins to slide whole. `F = K a (1 - s + s²/3)` with `s = K a/(3 mu Fz)` (Pacejka, *Tire and Vehicle Dynamics*, 2012,
+/// section 3.2) is `u = 1 - (1 - s)³` with `u = F/(mu Fz)`, and `a` over `F/K` is `3 s/u`.
+fn brush(used: f64) -> f64 {
+    if used < 1e-3 { 1.0 } else { 3.0 * (1.0 - (1.0 - used.min(1.0)).cbrt()) / used.min(1.0) }
+}
 
 /// How far the motion is off per standard deviation of each constant.
 pub(super) type Cross = SMatrix<f64, 3, COUNT>;
@@ -33,6 +43,8 @@ pub struct Grip {
     pub slip_angle: Wheels,
     /// Derivatives of the lateral forces by the slip angles, N/rad.
     pub stiffness: Wheels,
+    /// What one standard deviation of the friction makes of the lateral forces, N.
+    pub by_friction: Wheels,
 }
 
 impl Grip {
@@ -40,7 +52,7 @@ impl Grip {
     pub fn at_rest(model: &WheeledRobot) -> Self {
         let load = model.loads(0.0, 0.0);
         let stiffness = model.cornering_stiffness([0.0; 4], load, &Drive::new(0.0, [0.0; 4]));
-        Self { load, lateral: [0.0; 4], slip_angle: [0.0; 4], stiffness }
+        Self { load, lateral: [0.0; 4], slip_angle: [0.0; 4], stiffness, by_friction: [0.0; 4] }
     }
 }
 
@@ -50,6 +62,8 @@ impl Grip {
 pub(super) struct Slopes {
     by_motion: Matrix3<f64>,
     by_error: Cross,
+    /// What the inertial sensor adds where the centre of gravity lies further forward, m/s².
+    displaced: [f64; 2],
 }
 
 /// The constants' standard deviations.
@@ -59,32 +73,49 @@ pub(super) struct Constants {
     tire: [[f64; 2]; 2],
     /// Relative, of the rolling radius.
     radius: f64,
-    /// Of the lateral accelerometer's bias, m/s².
-    bias: f64,
+    /// Of the accelerometer's bias along and across the vehicle, m/s².
+    bias: [f64; 2],
     /// Of the direction in which the wheels of an axle roll, rad.
     steering: f64,
+    /// Relative, of the yaw inertia.
+    inertia: f64,
+    /// Of the place of the centre of gravity, forward, m.
+    place: f64,
+    /// 1 if errors are considered at all, else 0.
+    considered: f64,
     /// Place of the inertial sensor, m.
     imu: [f64; 2],
+    /// Stiffness over load of the tyres in front and at the rear, 1/rad, and their friction.
+    tires: [[f64; 2]; 2],
 }
 
 impl Constants {
     /// Where no speed is measured nothing is considered: around a speed that may be far off no first order holds.
     pub fn new(p: &Parameters) -> Self {
-        if !is_measured(&p.filter) {
-            return Self { tire: [[0.0; 2]; 2], radius: 0.0, bias: 0.0, steering: 0.0, imu: [p.imu.x, p.imu.y] };
-        }
-        let tire = [&p.tire.front, &p.tire.rear].map(|tire| [tire.stiffness_std, tire.friction_std]);
+        let considered = if is_measured(&p.filter) { 1.0 } else { 0.0 };
+        let axles = [&p.tire.front, &p.tire.rear];
         Self {
-            tire,
-            radius: p.wheel.radius_std,
-            bias: p.imu.accel_y_bias_std,
-            steering: p.filter.measurement_std.steering_angle_bias,
+            tire: axles.map(|tire| [considered * tire.stiffness_std, considered * tire.friction_std]),
+            radius: considered * p.wheel.radius_std,
+            bias: [p.imu.accel_x_bias_std, p.imu.accel_y_bias_std].map(|std| considered * std),
+            steering: considered * p.filter.measurement_std.steering_angle_bias,
+            inertia: considered * p.vehicle.yaw_inertia_std,
+            place: considered * p.vehicle.cg_std * p.vehicle.wheelbase(),
+            considered,
             imu: [p.imu.x, p.imu.y],
+            tires: axles.map(|tire| [tire.stiffness / tire.nominal_load, tire.friction]),
         }
     }
 
     /// In first order, with the forces of an axle at its middle.
-    pub fn slopes(&self, model: &WheeledRobot, x: &Motion, drive: &Drive, grip: &Grip) -> Slopes {
+    /// `acceleration_std` is that of an error that all longitudinal forces share, m/s².
+    pub fn slopes(
+        &self,
+        model: &WheeledRobot,
+        x: &Motion,
+        (drive, acceleration_std): (&Drive, f64),
+        grip: &Grip,
+    ) -> Slopes {
         let v = &model.vehicle;
         let slip = model.slip_derivatives(x, drive);
         let (s, c) = (drive.steering_sin(), drive.steering_cos());
@@ -93,6 +124,11 @@ impl Constants {
             Vector3::new(0.0, 1.0 / v.mass, -v.cg_to_rear / v.yaw_inertia),
         ];
         let (mut by_motion, mut by_error) = (Matrix3::zeros(), Cross::zeros());
+        let [_, ay, turn] = model.accelerations(&grip.lateral, drive);
+        by_error[(0, LONGITUDINAL)] = -self.considered * acceleration_std;
+        by_error[(2, INERTIA)] = self.inertia * turn;
+        // the axles' forces turn the vehicle about a point further forward
+        by_error[(2, PLACE)] = -self.place * ay * v.mass / v.yaw_inertia;
         for (axle, per_force) in per_force.iter().enumerate() {
             let (left, right) = (2 * axle, 2 * axle + 1);
             let force = [left, right].map(|i| Vector3::from(slip[i]) * grip.stiffness[i]);
@@ -105,8 +141,39 @@ impl Constants {
             by_error.set_column(2 + axle, &(per_force * friction));
             let turned = self.steering * (grip.stiffness[left] + grip.stiffness[right]);
             by_error.set_column(STEERING + axle, &(per_force * turned));
+            let moved = [left, right].map(|i| self.displaced(v, x[2], slip[i], grip, i));
+            let displaced = by_error.column(PLACE) + per_force * (moved[0] + moved[1]);
+            by_error.set_column(PLACE, &displaced);
         }
-        Slopes { by_motion, by_error }
+        Slopes { by_motion, by_error, displaced: [self.place * x[2] * x[2], -self.place * turn] }
+    }
+
+    /// What a centre of gravity that lies one standard deviation further forward makes of a wheel's lateral force, N: both axles
+    /// run more towards the outside, `r/v` rad per metre, and the front axle carries more load, to which its force is
+    /// proportional.
+    fn displaced(&self, v: &Vehicle, yaw_rate: f64, slip: [f64; 3], grip: &Grip, wheel: usize) -> f64 {
+        let lever = if wheel < 2 { v.cg_to_rear } else { -v.cg_to_front };
+        self.place * (-slip[1] * yaw_rate * grip.stiffness[wheel] + grip.lateral[wheel] / lever)
+    }
+
+    /// The tyres' forces with what an error of the friction makes of them: in first order, or, where the model lacks the friction
+    /// ellipse and it is more, by the slip angle that the longitudinal force costs the brush model's tyre.
+    pub fn grip(&self, model: &WheeledRobot, forces: &Forces, drive: &Drive) -> Grip {
+        let Forces { slip_angle, load, lateral, .. } = *forces;
+        let stiffness = model.cornering_stiffness(slip_angle, load, drive);
+        let longitudinal = drive.longitudinal();
+        let by_friction = std::array::from_fn(|i| {
+            let (std, [per_load, friction]) = (self.tire[i / 2][1], self.tires[i / 2]);
+            let first_order = (lateral[i] - slip_angle[i] * stiffness[i]) * std;
+            if std == 0.0 || load[i] <= 0.0 || model.tire.combined {
+                return first_order;
+            }
+            let whole = longitudinal[i].hypot(lateral[i]);
+            let [driven, free] = [whole, lateral[i].abs()].map(|force| brush(force / (friction * load[i])));
+            let costs = lateral[i] / (per_load * load[i]) * (driven - free) * stiffness[i];
+            if costs.abs() > first_order.abs() { costs } else { first_order }
+        });
+        Grip { load, lateral, slip_angle, stiffness, by_friction }
     }
 
     /// Time update over `steps` steps of `h` seconds, implicit: stable however fast the lateral dynamics are.
@@ -123,6 +190,7 @@ impl Constants {
     /// ([`rolled`](Self::rolled)), m/s.
     pub fn shown(&self, cross: &Cross, slopes: &Slopes, x: &Motion, rolled: [f64; 2]) -> Shown {
         let acceleration = product(&slopes.by_motion, cross) + slopes.by_error;
+        let [displaced_x, displaced_y] = slopes.displaced;
         let [forward, left] = self.imu;
         let mut shown = Shown::zeros();
         for k in 0..COUNT {
@@ -131,9 +199,17 @@ impl Constants {
             let spin = 2.0 * x[2] * r;
             shown.data.0[k] = [ax - spin * forward - turn * left, ay - spin * left + turn * forward, r, vx];
         }
-        shown[(1, BIAS)] += self.bias;
+        shown[(0, LONGITUDINAL)] += self.bias[0];
+        shown[(1, BIAS)] += self.bias[1];
+        shown[(0, PLACE)] += displaced_x;
+        shown[(1, PLACE)] += displaced_y;
         (shown[(3, RADIUS)], shown[(3, SLIP)]) = (shown[(3, RADIUS)] + rolled[0], shown[(3, SLIP)] + rolled[1]);
         shown
+    }
+
+    /// Takes `dt` seconds in which the accelerometer carried the speed on.
+    pub fn carried_on(&self, cross: &mut Cross, dt: f64) {
+        cross[(0, LONGITUDINAL)] -= self.bias[0] * dt;
     }
 
     /// What the errors of radius and slip, of which the standard deviation is given (m/s), add to a speed from the
@@ -157,7 +233,7 @@ impl Constants {
         cross: &Cross,
         slope: [f64; 3],
         grip: &Grip,
-        wheel: usize,
+        (vehicle, wheel): (&Vehicle, usize),
     ) -> f64 {
         let gradient = Vector3::from(slope) * grip.stiffness[wheel];
         let mut variance = belief.variance_along(&gradient);
@@ -167,13 +243,13 @@ impl Constants {
         by_error[axle] += stiffness;
         by_error[2 + axle] += friction;
         by_error[STEERING + axle] += self.steering * grip.stiffness[wheel];
+        by_error[PLACE] += self.displaced(vehicle, belief.mean[2], slope, grip, wheel);
         variance += by_error.norm_squared();
         variance.sqrt()
     }
 }
 
-/// What the errors of stiffness and friction, of which the standard deviations are given, make of a wheel's force, N.
-fn wheel_errors(grip: &Grip, wheel: usize, [stiffness, friction]: &[f64; 2]) -> [f64; 2] {
-    let straight = grip.slip_angle[wheel] * grip.stiffness[wheel];
-    [straight * stiffness, (grip.lateral[wheel] - straight) * friction]
+/// What the errors of stiffness, of which the standard deviation is given, and friction make of a wheel's force, N.
+fn wheel_errors(grip: &Grip, wheel: usize, [stiffness, _]: &[f64; 2]) -> [f64; 2] {
+    [grip.slip_angle[wheel] * grip.stiffness[wheel] * stiffness, grip.by_friction[wheel]]
 }

@@ -2,6 +2,7 @@
 //! where no torque was ever measured.
 
 use super::parameters::Parameters;
+use super::start::UNSEEN_ACCELERATION;
 use super::variables::Inputs;
 use crate::ParameterError;
 use crate::filter::sliding_mode::{Adaptation, ForcedMotion, Knowledge, SlidingMode, SlidingModeState};
@@ -81,6 +82,8 @@ pub struct WheelForces {
     pub force: Wheels,
     /// Their standard deviations, N.
     pub force_std: Wheels,
+    /// Standard deviation of the constant error that all of them share where the accelerometer gives them, m/s².
+    pub acceleration_std: f64,
 }
 
 /// Settings of the observers.
@@ -92,6 +95,7 @@ pub(super) struct ForceObservers {
     rolling: f64,
     wheel: Wheel,
     accel_std: f64,
+    accel_bias: f64,
 }
 
 impl ForceObservers {
@@ -124,6 +128,7 @@ impl ForceObservers {
             rolling: p.rolling.coefficient * p.wheel.radius,
             wheel: p.wheel.clone(),
             accel_std: p.filter.measurement_std.accel_x,
+            accel_bias: p.imu.accel_x_bias_std,
         };
         observers.check(p)?;
         Ok(observers)
@@ -159,7 +164,13 @@ impl ForceObservers {
 
     /// Before the first sample.
     pub fn start(&self) -> WheelForces {
-        WheelForces { observers: [self.observer.start(); 4], acceleration: None, force: [0.0; 4], force_std: [0.0; 4] }
+        WheelForces {
+            observers: [self.observer.start(); 4],
+            acceleration: None,
+            force: [0.0; 4],
+            force_std: [0.0; 4],
+            acceleration_std: 0.0,
+        }
     }
 
     /// Forces of one sample, `steps` observer steps of `h` seconds after the one before; only the last
@@ -177,6 +188,7 @@ impl ForceObservers {
             state.acceleration = Some(state.acceleration.map_or(accel_x, |last| last + share * (accel_x - last)));
         }
         if readings.torque_is_known {
+            state.acceleration_std = 0.0;
             for i in 0..4 {
                 self.force_from_torque(state, i, readings, predicted, steps, h);
             }
@@ -217,16 +229,21 @@ impl ForceObservers {
     }
 
     /// Without any torque the forces are those that explain the longitudinal acceleration, shared in
-    /// proportion to the loads.
+    /// proportion to the loads. Without this as well they are none, and wrong by what a vehicle usually does.
     fn forces_from_acceleration(&self, state: &mut WheelForces, model: &WheeledRobot, predicted: &Predicted) {
         let weight: f64 = predicted.load.iter().sum();
         let sideways = (predicted.lateral[0] + predicted.lateral[1]) * predicted.drive.steering_sin();
         let whole = state.acceleration.map_or(0.0, |acceleration| model.vehicle.mass * acceleration + sideways);
+        let (error, bias) = match state.acceleration {
+            Some(_) => (self.accel_std.hypot(self.accel_bias), self.accel_bias),
+            None => (UNSEEN_ACCELERATION, UNSEEN_ACCELERATION),
+        };
+        state.acceleration_std = bias;
         for i in 0..4 {
             let share = predicted.load[i] / weight;
             state.force[i] = share * whole;
             // how the force is shared among the wheels is not known
-            state.force_std[i] = share * (whole.abs() + model.vehicle.mass * self.accel_std);
+            state.force_std[i] = share * (whole.abs() + model.vehicle.mass * error);
         }
     }
 }

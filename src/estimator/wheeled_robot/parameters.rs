@@ -145,6 +145,8 @@ variables! {
         x: f64 = 0.0, "m", [-50.0, 50.0];
         /// Left of the centre of gravity.
         y: f64 = 0.0, "m", [-50.0, 50.0];
+        /// Standard deviation of a constant error of accel_x, of an inclined road's share of gravity too, which counts in the estimates' deviations.
+        accel_x_bias_std: f64 = 0.2, "m/s2", [0.0, 100.0], tunable;
         /// Standard deviation of a constant error of accel_y, of a banked road's share of gravity too, which counts in the estimates' deviations.
         accel_y_bias_std: f64 = 0.2, "m/s2", [0.0, 100.0], tunable;
     }

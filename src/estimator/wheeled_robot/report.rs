@@ -1,10 +1,9 @@
 //! Outputs from the state: the estimates carried forward, and their standard deviations.
 
-use super::constants::Grip;
 use super::variables::Outputs;
 use super::{RobotMachine, State, UNREACHABLE};
 use crate::filter::gaussian::FactoredGaussian;
-use crate::model::wheeled_robot::{Drive, Forces, Motion, Wheels};
+use crate::model::wheeled_robot::{Drive, Motion, Wheels};
 use crate::variable::Estimate;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
@@ -35,9 +34,7 @@ impl RobotMachine {
             if moved.iter().all(|value| value.abs() < UNREACHABLE) {
                 x = moved;
                 let [carried] = driven.forces_of(&[x]);
-                let Forces { slip_angle, load, lateral, .. } = carried;
-                let stiffness = self.model.cornering_stiffness(slip_angle, load, &drive);
-                grip = Grip { load, lateral, slip_angle, stiffness };
+                grip = self.constants.grip(&self.model, &carried, &drive);
             }
         }
 
@@ -54,8 +51,10 @@ impl RobotMachine {
         };
 
         let slopes = self.model.slip_derivatives(&x, &drive);
-        let lateral_std =
-            std::array::from_fn(|i| self.constants.lateral_std(&state.belief, &state.cross, slopes[i], &grip, i));
+        let lateral_std = std::array::from_fn(|i| {
+            let wheel = (&self.model.vehicle, i);
+            self.constants.lateral_std(&state.belief, &state.cross, slopes[i], &grip, wheel)
+        });
         [out.wheel_force_x_fl, out.wheel_force_x_fr, out.wheel_force_x_rl, out.wheel_force_x_rr] =
             estimates(&forces.force, &forces.force_std);
         [out.wheel_force_y_fl, out.wheel_force_y_fr, out.wheel_force_y_rl, out.wheel_force_y_rr] =

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 const FAR: f64 = 3.0;
 /// What vehicles usually do while nobody looks: acceleration, m/s², sideslip, rad, and curvature of the path times
 /// wheelbase (one standard deviation).
-const UNSEEN_ACCELERATION: f64 = 2.0;
+pub(super) const UNSEEN_ACCELERATION: f64 = 2.0;
 const UNSEEN_SIDESLIP: f64 = 0.1;
 const UNSEEN_CURVATURE: f64 = 0.3;
 /// Largest standard deviation of the speed after a gap, m/s.

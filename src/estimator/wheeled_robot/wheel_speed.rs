@@ -25,7 +25,8 @@ const APART: f64 = 4.0;
 pub(super) struct Rolled {
     /// Of the centre of gravity, m/s.
     pub speed: f64,
-    /// Standard deviation of the error by the slip that the forces need, as much as they are not corrected for, m/s.
+    /// Standard deviation of the error by the slip that the forces need, as much as they are not corrected for, m/s. With the
+    /// sign of the slip: a tyre that is softer than said gains while it drives and loses while it brakes.
     pub slip_std: f64,
 }
 
@@ -108,9 +109,9 @@ impl WheelSpeed {
         }
     }
 
-    /// Standard deviation of a wheel's slip. With the share `u` of the friction that the wheel's whole force uses, Dugoff's
-    /// tyre (*An analysis of tire traction properties*, 1970) has the linear slip for `u < 1/2` and `1/(4 u (1 - u))` times
-    /// this beyond.
+    /// Standard deviation of a wheel's slip, with the slip's sign. With the share `u` of the least friction that the wheel's whole
+    /// force uses, Dugoff's tyre (*An analysis of tire traction properties*, 1970) has the linear slip for `u < 1/2` and
+    /// `1/(4 u (1 - u))` times this beyond.
     fn slip_std(&self, forces: &WheelForces, predicted: &Predicted, i: usize) -> f64 {
         let load = predicted.load[i];
         if load <= 0.0 {
@@ -120,7 +121,7 @@ impl WheelSpeed {
         let along = force * force + std * std;
         let used = ((along + lateral * lateral).sqrt() / (self.friction[i / 2] * load)).min(SLIDING);
         let growth = if used > 0.5 { 0.25 / (used * (1.0 - used)) } else { 1.0 };
-        (self.compliance * along.sqrt() / load * growth).min(LARGEST_SLIP)
+        (self.compliance * along.sqrt() / load * growth).min(LARGEST_SLIP).copysign(force)
     }
 
     /// Whether all wheels that have a sample stand; nothing if none has one.

@@ -40,10 +40,14 @@ variables! {
         mass: f64 = 60.0, "kg", [0.1, 1e6], essential;
         /// Yaw inertia about the centre of gravity (Iz).
         yaw_inertia: f64 = 7.5, "kg.m2", [1e-4, 1e8], essential;
+        /// Error of the yaw inertia over the yaw inertia (one standard deviation), which counts in the estimates' deviations.
+        yaw_inertia_std: f64 = 0.2, "1", [0.0, 10.0], tunable;
         /// Distance of the centre of gravity from the front axle (lf).
         cg_to_front: f64 = 0.38, "m", [0.001, 50.0], essential;
         /// Distance of the centre of gravity from the rear axle (lr).
         cg_to_rear: f64 = 0.42, "m", [0.001, 50.0], essential;
+        /// Error of the place of the centre of gravity between the axles over the wheelbase (one standard deviation), which counts in the estimates' deviations.
+        cg_std: f64 = 0.05, "1", [0.0, 1.0], tunable;
         /// Distance of the front wheels from each other (tf).
         track_front: f64 = 0.60, "m", [0.001, 20.0], essential;
         /// Distance of the rear wheels from each other (tr).
