@@ -1,23 +1,37 @@
 //! Wheels that spin or lock, whose speed says nothing of the vehicle's.
 //!
 //! The slip that a force needs is an error of a constant ([`super::wheel_speed`]). Beyond the friction no force tells the slip.
-//! It shows in the acceleration: over a fraction of a second the wheels gain on the vehicle what the accelerometer, or the
-//! forces without one, does not explain. Then the wheels' speed counts as wrong by as much, until it agrees again with what
-//! the vehicle can have done meanwhile.
+//! It shows beside the accelerometer, with which Imsland et al. (*Vehicle velocity estimation using nonlinear observers*,
+//! Automatica 42, 2006) carry the speed on while a slipping wheel's speed has little gain: over a window `T` the wheels gain on the
+//! vehicle what the acceleration `a` does not explain,
+//!
+//! ```text
+//! g' = w' - a - g/T,        g = 0 but for chance where the wheels roll
+//! ```
+//!
+//! `w`, the wheels' speed, has the noise `s` per sample, and `a` a constant error `b`, a slope of the road or of the sensor,
+//! besides its white noise `n` in samples of `dt`. Both ends of the window have the wheels' noise, so that rolling wheels show
+//!
+//! ```text
+//! var g = 2 s^2 + (b T)^2 + n^2 dt T
+//! ```
+//!
+//! The window is as long as the constant error adds no more than the wheels' noise, `T = sqrt(2) s/b`. The smallest gain per time
+//! that it shows, `CHANCE sqrt(2 s²/T² + b²)`, is then `sqrt(2)` times that of a window without end, and a shorter one shows less.
+//! Beyond [`CHANCE`] deviations the wheels' speed counts as wrong by what they have gained, until it agrees again with what the
+//! vehicle can have done meanwhile.
 
 use crate::filter::bounded;
 use serde::{Deserialize, Serialize};
 
-/// Time over which the wheels' gain is summed up, s.
-const TIME: f64 = 0.2;
-/// Deviations of noise that are none of slip.
+/// Deviations that a normal number exceeds on either side once in 16 000 times: in windows of 0.35 s, those of the defaults, less
+/// than once in an hour.
 const CHANCE: f64 = 4.0;
-/// Acceleration that an inclined sensor or road adds, m/s².
-const INCLINED: f64 = 1.0;
-/// Time over which the error of a slipping wheel's speed is correlated, and over which it is trusted again, s.
+/// Time over which the error of a slipping wheel's speed is correlated, that for which drivers and controllers let wheels slip, s:
+/// chosen. No window is longer.
 const CORRELATED: f64 = 1.0;
-/// Wheels that have neither gained nor lost for so long are taken to roll again, s.
-const CALM: f64 = 3.0;
+/// Wheels that have neither gained nor lost for so long roll: a twentieth is left of such an error, s.
+const CALM: f64 = 3.0 * CORRELATED;
 /// As long as never, s.
 const LONG_AGO: f64 = 1e9;
 
@@ -47,30 +61,33 @@ pub(super) struct Expectation {
     pub noise: f64,
     /// Rate of change of the vehicle's speed with the standard deviation of its white noise, m/s², if it is known.
     pub acceleration: Option<(f64, f64)>,
+    /// Standard deviation of its constant error, m/s².
+    pub bias: f64,
 }
 
 impl Slip {
     /// Takes a sample `dt` seconds after the one before. Where the wheels are first seen to slip, or taken to roll again
     /// at another speed than expected, it returns by how much the estimate may be wrong, m/s.
     pub fn update(&mut self, sample: &Expectation, dt: f64) -> Option<f64> {
-        let change = self.before.zip(sample.acceleration).filter(|_| dt < TIME);
+        let ends = std::f64::consts::SQRT_2 * sample.noise;
+        let window = (ends / sample.bias.max(ends / CORRELATED)).max(2.0 * dt);
+        let change = self.before.zip(sample.acceleration).filter(|_| dt < CORRELATED);
         self.gained = match change {
             Some((before, (acceleration, _))) => {
-                (1.0 - dt / TIME) * self.gained + sample.speed - before - acceleration * dt
+                (1.0 - dt / window) * self.gained + sample.speed - before - acceleration * dt
             }
             None => 0.0,
         };
         self.before = Some(sample.speed);
-        let accelerated = sample.acceleration.map_or(0.0, |(_, std)| std * std * dt * TIME);
-        let chance = CHANCE * CHANCE * (2.0 * sample.noise * sample.noise + accelerated);
+        let accelerated = sample.acceleration.map_or(0.0, |(_, std)| std * std * dt * window);
+        let chance = ends * ends + (sample.bias * window).powi(2) + accelerated;
         let gained = self.gained.abs();
-        let beyond = gained - INCLINED * TIME;
-        let spins = beyond > 0.0 && beyond * beyond > chance;
+        let spins = gained > CHANCE * chance.sqrt();
         let was_right = self.is_right(sample.noise);
         self.calm = if spins || was_right { 0.0 } else { (self.calm + dt).min(LONG_AGO) };
         let off = (sample.speed - sample.expected).abs();
         // a speed that has not gained on the vehicle is no slip, whatever the model expects
-        let far = !was_right && off > CHANCE * sample.variance.sqrt() + INCLINED * self.age;
+        let far = !was_right && off > CHANCE * (sample.variance.sqrt() + sample.bias * self.age);
         let rolls_again = far && self.calm > CALM;
         // what slipped is trusted again by and by
         let fading = if was_right { 0.0 } else { self.error * (1.0 - (dt / CORRELATED).min(1.0)) };
