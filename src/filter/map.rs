@@ -207,6 +207,22 @@ impl Map {
         Some(numbers.weight[row] * sum)
     }
 
+    /// The covariances of one unknown with all others, `Lambda^-1 e`, of the last solution with variances; false if the
+    /// orthogonal method had to give these.
+    pub fn covariances(&mut self, unknown: usize, covariance: &mut [f64]) -> bool {
+        if !self.inverse_known {
+            return false;
+        }
+        for (slot, &other) in self.work.iter_mut().zip(self.ldl.order()) {
+            *slot = f64::from(u8::from(other as usize == unknown));
+        }
+        self.ldl.solve(&mut self.work);
+        for (&value, &other) in self.work.iter().zip(self.ldl.order()) {
+            covariance[other as usize] = value;
+        }
+        true
+    }
+
     /// The factor, for its size.
     pub fn ldl(&self) -> &SparseLdl {
         &self.ldl

@@ -282,7 +282,8 @@ fn the_tilt_of_the_seat_turns_the_seat_force() {
         let expected = g * 65.0;
         for k in 0..3 {
             let force = out.seat_wrench[k];
-            assert!((force.value - expected[k]).abs() < force.std && force.std < 10.0, "{force:?}");
+            // the person's mass is known to 1 kg
+            assert!((force.value - expected[k]).abs() < force.std && force.std < 12.0, "{force:?}");
         }
     }
 }

@@ -7,5 +7,6 @@ mod consistency;
 mod coupling;
 mod inputs;
 mod model;
+mod scatter;
 mod truth;
 mod vectors;

@@ -4,11 +4,13 @@ use super::EstimateError;
 use nalgebra::Vector3;
 use serde::Deserialize;
 use std::path::Path;
+use wheelstate::Variables;
 use wheelstate::estimator::human_dynamics::whole_body::WholeBody;
 use wheelstate::model::STANDARD_GRAVITY;
 use wheelstate::model::multibody::equations::{Base, Kind};
 use wheelstate::model::multibody::error::ModelError;
 use wheelstate::model::multibody::prior::Variances;
+use wheelstate::model::multibody::scatter::ScatterParameters;
 use wheelstate::model::multibody::sensors::{Attachment, Noise, Quantity, Sensor};
 use wheelstate::model::multibody::spatial::Pose;
 use wheelstate::model::multibody::tree::{Description, Tree};
@@ -23,6 +25,8 @@ struct File {
     gravity: Option<[f64; 3]>,
     #[serde(default)]
     variance: VarianceTable,
+    #[serde(default)]
+    scatter: ScatterTable,
     #[serde(default)]
     sensor: Vec<SensorTable>,
     #[serde(default)]
@@ -51,6 +55,36 @@ struct VarianceTable {
 impl Default for VarianceTable {
     fn default() -> Self {
         Self { acceleration: 1e-4, net_wrench: 1e-4, wrench_balance: 1e-4, torque: 1e-4, prior: 1e4, prior_base: None }
+    }
+}
+
+/// How well the body is known, as in the parameters `scatter.*` of the seated body.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct ScatterTable {
+    mass_std: f64,
+    segment_mass_std: f64,
+    segment_com_std: f64,
+    segment_inertia_std: f64,
+    inclination_std: f64,
+}
+
+impl Default for ScatterTable {
+    fn default() -> Self {
+        let ScatterParameters { mass_std, segment_mass_std, segment_com_std, segment_inertia_std, inclination_std } =
+            ScatterParameters::default();
+        Self { mass_std, segment_mass_std, segment_com_std, segment_inertia_std, inclination_std }
+    }
+}
+
+impl ScatterTable {
+    /// The parameters; what is out of range is an error that names it.
+    fn parameters(&self) -> Result<ScatterParameters, String> {
+        let Self { mass_std, segment_mass_std, segment_com_std, segment_inertia_std, inclination_std } = *self;
+        let parameters =
+            ScatterParameters { mass_std, segment_mass_std, segment_com_std, segment_inertia_std, inclination_std };
+        parameters.validate().map_err(|error| format!("scatter: {error}"))?;
+        Ok(parameters)
     }
 }
 
@@ -152,7 +186,8 @@ pub fn read(description: &Description, model: &Path, path: &Path) -> Result<Setu
     }
     let moving = config.variant == Variant::Moving;
     let base = if moving { Base::Moving } else { Base::Fixed(Vector3::from(gravity)) };
-    let body = WholeBody::new(tree, base, sensors, &variances).map_err(refused)?;
+    let scatter = config.scatter.parameters().map_err(&fail)?;
+    let body = WholeBody::new(tree, base, sensors, &variances).map_err(refused)?.considering(&scatter);
     Ok(Setup { body, sources, moving, warnings })
 }
 

@@ -47,7 +47,7 @@ pub fn setup(model: &Path, sensors: &Path) -> Result<Setup, EstimateError> {
 }
 
 /// Estimates every row of a log: per joint `tau_<joint>` and `tau_<joint>_std`, for a moving base
-/// the seat's wrench with standard deviations, per channel of a gyroscope `innovation_<column>`, and
+/// the seat's wrench with standard deviations that contain the errors of the body, per channel of a gyroscope `innovation_<column>`, and
 /// per row `nis`, `nis_channels` and `status`. A row without a whole posture, and one that could not
 /// be solved, has no estimates (NaN).
 pub fn run(setup: &mut Setup, log: &Log, progress: &Progress) -> Result<Log, EstimateError> {
@@ -63,6 +63,7 @@ pub fn run(setup: &mut Setup, log: &Log, progress: &Progress) -> Result<Log, Est
     let torque: Vec<usize> = (0..joints.len()).map(|dof| setup.body.torque_slot(dof)).collect();
     let base = setup.body.equations().slots()[0].map(|slots| slots.range(Kind::ParentWrench));
     let base_slots: Vec<usize> = base.into_iter().flatten().collect();
+    let mut considered = vec![0.0; joints.len() + 6];
     let mut columns = Columns::new(log.len());
     let (mut posture_q, mut posture_qd) = (vec![0.0; joints.len()], vec![0.0; joints.len()]);
     let mut values = vec![0.0; samples.len()];
@@ -84,10 +85,15 @@ pub fn run(setup: &mut Setup, log: &Log, progress: &Progress) -> Result<Log, Est
         }
         let posture = Posture { q: &posture_q, qd: &posture_qd, base_rate };
         let status = setup.body.step(&posture, &values, true);
-        let (mean, variance) = (setup.body.mean(), setup.body.variance());
         let known = status.is_ok();
-        let pick = |slot: usize| if known { (mean[slot], variance[slot].sqrt()) } else { (f64::NAN, f64::NAN) };
-        torque.iter().chain(&base_slots).for_each(|&slot| columns.push(pick(slot)));
+        if known {
+            considered.copy_from_slice(setup.body.scattered());
+        }
+        let (mean, variance) = (setup.body.mean(), setup.body.variance());
+        for (&slot, considered) in torque.iter().chain(&base_slots).zip(&considered) {
+            let estimate = (mean[slot], (variance[slot] + considered).sqrt());
+            columns.push(if known { estimate } else { (f64::NAN, f64::NAN) });
+        }
         for gyroscope in &gyroscopes {
             let innovation = gyroscope.innovation(&setup.body, &values);
             innovation.into_iter().for_each(|v| columns.innovations.push(if known { v } else { f64::NAN }));

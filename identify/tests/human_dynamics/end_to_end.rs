@@ -40,13 +40,23 @@ fn written(request: &Request) -> Written {
     Written { _folder: folder, urdf, toml }
 }
 
-/// Estimates with those sensors whose table `keeps`, and equation variances replaced.
+/// Takes the body as exact, as the source does.
+const EXACT_BODY: &str = "
+[scatter]
+mass_std = 0.0
+segment_mass_std = 0.0
+segment_com_std = 0.0
+segment_inertia_std = 0.0
+inclination_std = 0.0
+";
+
+/// Estimates with those sensors whose table `keeps`, and equation variances replaced, for an exact body.
 fn estimated(written: &Written, log: &Log, variance: &str, keeps: impl Fn(&str) -> bool) -> Log {
     let mut parts = written.toml.split("\n[[");
     let head = parts.next().unwrap().replace("1e-4", variance);
     let tables: Vec<String> = parts.filter(|part| keeps(part)).map(|part| format!("\n[[{part}")).collect();
     let path = written.urdf.with_extension("toml");
-    std::fs::write(&path, head + &tables.concat()).unwrap();
+    std::fs::write(&path, head + EXACT_BODY + &tables.concat()).unwrap();
     let mut setup = estimate::setup(&written.urdf, &path).unwrap();
     estimate::run(&mut setup, log, &Progress::none()).unwrap()
 }
@@ -221,6 +231,7 @@ fn unobservable_joints_are_not_fitted() {
 fn every_further_sensor_narrows_the_seated_torques() {
     use wheelstate::estimator::human_dynamics::variables::JOINTS;
     use wheelstate::estimator::human_dynamics::{HumanDynamics as Seated, Inputs, Outputs, Parameters};
+    use wheelstate::model::multibody::scatter::ScatterParameters;
     use wheelstate::{Estimator, Variables};
     let log = human_dynamics::VEHICLE.simulate(&request("seated-braking", 5, &[])).unwrap();
     let levels: [&[&str]; 4] = [
@@ -232,7 +243,8 @@ fn every_further_sensor_narrows_the_seated_torques() {
     let channels: Vec<&[f64]> = Inputs::declare().iter().map(|v| log.channel(&v.name).unwrap()).collect();
     let mut before: Option<Vec<f64>> = None;
     for (level, used) in levels.iter().enumerate() {
-        let mut parameters = Parameters::default();
+        // the plant's person is the table's
+        let mut parameters = Parameters { scatter: ScatterParameters::NONE, ..Parameters::default() };
         used.iter().for_each(|name| parameters.set(name, 1.0).unwrap());
         let mut estimator = Seated::new(&parameters).unwrap();
         let (mut inputs, mut outputs) = (Inputs::default(), Outputs::default());

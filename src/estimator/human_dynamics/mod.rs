@@ -19,7 +19,13 @@
 //! # What cannot be observed
 //! Without hand and foot sensors the wrenches there are known only by their prior, and what they carry through legs
 //! and arms blurs torques and seat wrench: the standard deviations show it. Noise of the joint positions is not part
-//! of the model. Mass and height are taken as exact; a body known badly needs a larger `variance.equation.net_wrench`.
+//! of the model, nor are errors of the segments' lengths.
+//!
+//! Masses, centres of mass and inertias come from a table from which every person differs, and the seat's axes are known to some
+//! milliradians. These errors are not estimated, but the standard deviations of torques and seat wrench contain what they make of
+//! them ([`scatter`](crate::model::multibody::scatter), `scatter.*`). They are the same in all samples of a person: no average over
+//! time makes them smaller. Where a seat's force sensor repeats what body, hands and feet say, `nis` and `healthy` show a person who
+//! is not the table's; what the errors make of the estimates then takes a solution for each of them, three quarters of a step more.
 //!
 //! # Noise and defaults
 //! Variances, as in the source, in the square of the unit of what they belong to:
@@ -27,6 +33,8 @@
 //!   moment 10 N m, a foot's force 80 N and moment 40 N m (standard deviations, `variance.prior_*`);
 //! - joint accelerations 0.5 rad/s2, the pelvis's accelerometer 0.05 m/s2, body accelerometers 0.03 m/s2, seat force 2
 //!   N and moment 0.3 N m, hands 0.5 N, feet 2 N (standard deviations);
+//! - the segments' masses 15 %, their centres of mass a tenth of the radius of gyration, inertias 25 %, the person's mass 1
+//!   kg, the seat's axes 10 mrad (standard deviations, `scatter.*`);
 //! - used by default are joint accelerations and the pelvis's accelerometer. The default person is 1.70 m tall and
 //!   weighs 65 kg.
 //!
@@ -127,6 +135,8 @@ pub struct SeatedBody {
     q: [f64; DOF],
     qd: [f64; DOF],
     samples: Vec<f64>,
+    /// Whether a wrench is measured that the others already say.
+    redundant: bool,
     differentiate: bool,
     differentiator: derivatives::Differentiator,
 }
@@ -142,7 +152,8 @@ impl SeatedBody {
         let tree = Tree::new(&description, "Pelvis", true, &[])?;
         let (groups, sensors) = parameters.sensors(&tree).into_iter().unzip();
         let variances = parameters.variances(&tree);
-        Ok((WholeBody::new(tree, Base::Moving, sensors, &variances)?, groups))
+        let body = WholeBody::new(tree, Base::Moving, sensors, &variances)?;
+        Ok((body.considering(&parameters.scatter), groups))
     }
 
     /// Puts the inputs of the switched-on sensors in the body's order; how many are there.
@@ -186,15 +197,22 @@ impl SeatedBody {
     }
 
     /// Reads the estimates of the step just taken.
-    fn read(&self, outputs: &mut Outputs) {
+    fn read(&mut self, outputs: &mut Outputs) {
+        let mut scattered = [0.0; DOF + 6];
+        scattered.copy_from_slice(if self.redundant {
+            self.body.scattered()
+        } else {
+            self.body.scattered_by_statics()
+        });
         let (mean, variance) = (self.body.mean(), self.body.variance());
-        let estimate = |slot: usize| Estimate::new(mean[slot], variance[slot].sqrt());
-        for (tau, &slot) in outputs.tau.iter_mut().zip(&self.torque) {
-            *tau = estimate(slot);
+        let estimate = |slot: usize, considered: f64| Estimate::new(mean[slot], (variance[slot] + considered).sqrt());
+        for ((tau, &slot), &coordinate) in outputs.tau.iter_mut().zip(&self.torque).zip(&self.coordinate) {
+            *tau = estimate(slot, scattered[coordinate]);
         }
         if let Some(base) = self.body.equations().slots()[0] {
-            for (wrench, slot) in outputs.seat_wrench.iter_mut().zip(base.range(Kind::ParentWrench)) {
-                *wrench = estimate(slot);
+            let slots = base.range(Kind::ParentWrench).zip(&scattered[DOF..]);
+            for (wrench, (slot, &considered)) in outputs.seat_wrench.iter_mut().zip(slots) {
+                *wrench = estimate(slot, considered);
             }
         }
         let (com, velocity) = self.body.equations().centre_of_mass();
@@ -250,6 +268,7 @@ impl Machine for SeatedBody {
         let derivatives = differentiator.empty(parameters.differentiate);
         let machine = Self {
             samples: vec![0.0; body.samples()],
+            redundant: parameters.r#use.seat_wrench,
             body,
             groups,
             coordinate,

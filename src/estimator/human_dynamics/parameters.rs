@@ -4,6 +4,7 @@ use super::variables::{AXES, CONTACTS, IMUS, JOINTS};
 use crate::model::multibody::anthropometry::{BodyParameters, at};
 use crate::model::multibody::equations::Kind;
 use crate::model::multibody::prior::Variances;
+use crate::model::multibody::scatter::ScatterParameters;
 use crate::model::multibody::sensors::{Noise, Quantity, Sensor};
 use crate::model::multibody::spatial::Pose;
 use crate::model::multibody::tree::Tree;
@@ -157,6 +158,8 @@ crate::variables! {
         r#use: UseParameters;
         /// Variances.
         variance: VarianceParameters;
+        /// How well the body is known.
+        scatter: ScatterParameters;
         /// Places of the sensors.
         mount: MountParameters;
     }

@@ -6,9 +6,10 @@ use crate::filter::map::{Map, Method, Numbers, Pattern};
 use crate::model::multibody::equations::{Base, Equations, Kind, Slots};
 use crate::model::multibody::error::ModelError;
 use crate::model::multibody::prior::Variances;
+use crate::model::multibody::scatter::{Scatter, ScatterParameters};
 use crate::model::multibody::sensors::Sensor;
 use crate::model::multibody::tree::Tree;
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 use std::f64::consts::TAU;
 
 /// A step that changed nothing.
@@ -53,6 +54,12 @@ pub struct WholeBody {
     prior_mean: Vec<f64>,
     /// Where each sensor's samples start in the samples of a step.
     sample_start: Vec<usize>,
+    /// Errors of the body that are considered, and what they make of torques and base wrench.
+    scatter: Option<Scatter>,
+    scattered: Vec<f64>,
+    /// First row of Newton's and Euler's equations of each body.
+    net_wrench_row: Vec<Option<usize>>,
+    covariance: Vec<f64>,
 }
 
 /// Fronts for the elimination along the tree: a body's front has its own variables and the wrenches
@@ -109,8 +116,19 @@ impl WholeBody {
             full_weight,
             precision,
             sample_start,
+            scatter: None,
+            scattered: vec![0.0; equations.tree().dof() + 6],
+            net_wrench_row: (0..equations.tree().bodies.len())
+                .map(|body| equations.net_wrench_rows(body).map(|rows| rows.start))
+                .collect(),
+            covariance: vec![0.0; equations.variables()],
             equations,
         })
+    }
+
+    /// Considers errors of the body's own numbers; without, these are taken as exact.
+    pub fn considering(self, parameters: &ScatterParameters) -> Self {
+        Self { scatter: Some(Scatter::new(self.equations.tree(), parameters)), ..self }
     }
 
     /// Estimates from one sample of the posture and of all sensors, in their order; what is not
@@ -174,6 +192,47 @@ impl WholeBody {
     /// The variances of all variables of the last step that computed them.
     pub fn variance(&self) -> &[f64] {
         self.map.variance()
+    }
+
+    /// What the considered errors of the body add to the variances of the torques, in the order of [`Tree::dof_names`], and
+    /// of the wrench on a moving base, after a step with variances: by the solver's own influence of each body's wrench on
+    /// each of them, one more solution per estimate.
+    pub fn scattered(&mut self) -> &[f64] {
+        let dof = self.equations.tree().dof();
+        let base = self.equations.slots()[0].map(|slots| slots.range(Kind::ParentWrench).start);
+        let estimates = dof + if base.is_some() { 6 } else { 0 };
+        if let Some(scatter) = &mut self.scatter {
+            scatter.take(&self.equations, self.map.mean());
+        }
+        for estimate in 0..estimates {
+            let unknown = if estimate < dof { self.torque_slot(estimate) } else { base.unwrap_or(0) + estimate - dof };
+            if !self.map.covariances(unknown, &mut self.covariance) {
+                return self.scattered_by_statics();
+            }
+            let Some(scatter) = &self.scatter else { break };
+            let rows = self.equations.rows();
+            let (weight, covariance, first) = (&self.weight, &self.covariance, &self.net_wrench_row);
+            let influence = |first: usize| {
+                Vector6::from_fn(|k, _| {
+                    let entries = rows.start[first + k]..rows.start[first + k + 1];
+                    weight[first + k]
+                        * entries.map(|e| rows.value[e] * covariance[rows.column[e] as usize]).sum::<f64>()
+                })
+            };
+            let bodies = first.iter().enumerate().filter_map(|(body, first)| Some((body, influence((*first)?))));
+            self.scattered[estimate] = scatter.variance(bodies);
+        }
+        &self.scattered
+    }
+
+    /// The same with influences by statics, which costs little: the same where no wrench is measured that the others already
+    /// say.
+    pub fn scattered_by_statics(&mut self) -> &[f64] {
+        if let Some(scatter) = &mut self.scatter {
+            scatter.take(&self.equations, self.map.mean());
+            scatter.by_statics(&self.equations, &mut self.scattered);
+        }
+        &self.scattered
     }
 
     /// The equations.

@@ -380,6 +380,32 @@ impl Equations {
         bias
     }
 
+    /// Pose of a body's parent in the body, as the posture last updated to has it.
+    pub fn from_parent(&self, body: usize) -> &Pose {
+        &self.pose[body]
+    }
+
+    /// Motion of a body relative to its parent per unit of velocity of the `k`th degree of freedom between them.
+    pub fn screw(&self, body: usize, k: usize) -> Vector6<f64> {
+        let first = 36 * (self.tree.bodies.len() + body) + 6 * k;
+        Vector6::from_column_slice(&self.moving[first..first + 6])
+    }
+
+    /// Proper acceleration of the base's origin in a solution, base axes, m/s2.
+    pub fn base_acceleration(&self, mean: &[f64]) -> Vector3<f64> {
+        match (self.base, self.slots[0]) {
+            (Base::Moving, Some(slots)) => Vector3::from_column_slice(&mean[slots.start..slots.start + 3]),
+            (Base::Fixed(gravity), _) => -gravity,
+            (Base::Moving, None) => Vector3::zeros(),
+        }
+    }
+
+    /// The rows of Newton's and Euler's equations of a body, if it is part of `d`.
+    pub fn net_wrench_rows(&self, body: usize) -> Option<std::ops::Range<usize>> {
+        let first = self.owners.iter().position(|owner| *owner == (body, Equation::NetWrench))?;
+        Some(first..first + 6)
+    }
+
     /// The tree.
     pub fn tree(&self) -> &Tree {
         &self.tree

@@ -11,6 +11,7 @@ pub mod equations;
 pub mod error;
 pub mod prior;
 pub mod rows;
+pub mod scatter;
 pub mod sensors;
 pub mod spatial;
 pub mod tree;

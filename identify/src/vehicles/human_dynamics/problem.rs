@@ -18,6 +18,7 @@ use crate::result::Trace;
 use crate::solve::{Loss, Options, Regression, Rows, Unknown, solve, student};
 use wheelstate::estimator::human_dynamics::variables::{GROUPS, JOINTS};
 use wheelstate::estimator::human_dynamics::{HumanDynamics, Inputs, Outputs, Parameters};
+use wheelstate::model::multibody::scatter::ScatterParameters;
 use wheelstate::{Estimator, Status, Variable, Variables};
 
 /// The problem.
@@ -89,6 +90,13 @@ fn torques(log: &Log, known: &Known, every: usize, progress: &Progress) -> Resul
         if !known.is_set(&name) {
             let there = columns_of(group, &inputs).all(|column| log.channel(column).is_some());
             parameters.set(&name, f64::from(u8::from(there)))?;
+        }
+    }
+    // The regression weighs samples by their noise; errors of the body are the same in all of them.
+    for variable in ScatterParameters::declare() {
+        let name = format!("scatter.{}", variable.name);
+        if !known.is_set(&name) {
+            parameters.set(&name, 0.0)?;
         }
     }
     if let [first, second, ..] = log.time.as_slice()
