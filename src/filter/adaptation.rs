@@ -97,3 +97,48 @@ impl<const M: usize> ProcessScale<M> {
         self.scale >= 1.0
     }
 }
+
+/// An acceleration that the model does not have, from the innovations of a measured speed: until the filter follows, only they
+/// know of it.
+///
+/// An acceleration `a` that began `T` ago leaves innovations of about `a T`, until the corrections keep up with it: at the gain
+/// `K` per sample they stay at `a dt / K`. The running mean of white innovations with the standard deviation `s` has the variance
+/// `s^2 w / (2 - w)`; what its square is beyond that is taken for `(a T)^2`, with `T` the memory and how long it has been beyond.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct UnmodelledAcceleration {
+    /// Standard deviation of the acceleration, m/s2.
+    pub std: f64,
+    /// Running mean of the innovations over their standard deviations.
+    mean: f64,
+    /// How long the mean has been larger than that of white innovations, s.
+    since: f64,
+}
+
+impl UnmodelledAcceleration {
+    /// Takes the innovation of a speed, `dt` seconds after the one before, with the variances of the predicted and of the
+    /// measured speed. `time` is the memory, s.
+    pub fn learn(&mut self, innovation: f64, predicted: f64, measured: f64, dt: f64, time: f64) {
+        let share = 1.0 - (-dt / time).exp();
+        let std = (predicted + measured).sqrt();
+        self.mean += share * (innovation / std - self.mean);
+        let beyond = self.mean * self.mean - share / (2.0 - share);
+        if beyond <= 0.0 {
+            (self.since, self.std) = (0.0, 0.0);
+            return;
+        }
+        self.since = (self.since + dt).min(1e3);
+        // dt / K, as long as that is longer than the memory
+        let followed = (dt * std * std / predicted.max(f64::MIN_POSITIVE)).max(time);
+        self.std = beyond.sqrt() * std / (time + self.since).min(followed);
+    }
+
+    /// Its standard deviation if it has lasted for longer than `time`, s, as by chance it does not; else 0.
+    pub fn lasting(&self, time: f64) -> f64 {
+        if self.since > time { self.std } else { 0.0 }
+    }
+
+    /// Whether the numbers, which are finite, can have come from [`learn`](Self::learn).
+    pub fn is_valid(&self) -> bool {
+        self.std >= 0.0 && self.since >= 0.0
+    }
+}

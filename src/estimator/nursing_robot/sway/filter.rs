@@ -3,6 +3,7 @@
 use super::motion::Step;
 use super::{Form, REJECTIONS, SwayBelief, SwayEstimator, SwayState};
 use crate::estimator::nursing_robot::status::SwayStatus;
+use crate::filter::adaptation::UnmodelledAcceleration;
 use crate::filter::gaussian::{Gaussian, add_square};
 use crate::filter::innovation::Innovation;
 use crate::filter::ukf::{self, Channel};
@@ -32,6 +33,8 @@ pub struct Correction {
 
 /// Time constant of the speed smoothed for the stand-still rule, s.
 const SMOOTHING_TIME: f64 = 0.1;
+/// Memory of the innovations in which a force shows that the model does not have, s: a cough begins within some hundredths.
+const NOTICE_TIME: f64 = 0.03;
 
 impl SwayEstimator {
     /// Starts anew, at the first sample or after a gap that the model cannot bridge: at the measured speed, at any
@@ -143,6 +146,12 @@ impl SwayEstimator {
         });
         let prior = *belief;
         let innovation = ukf::correct(belief, &channels, self.gate, &mut state.rejected);
+        if step.held {
+            state.unmodelled = UnmodelledAcceleration::default();
+        } else if !channels[0].sample.is_nan() && step.dt > 0.0 {
+            let (predicted, measured) = (prior.covariance[(0, 0)], channels[0].variance);
+            state.unmodelled.learn(innovation.residual[0], predicted, measured, step.dt, NOTICE_TIME);
+        }
         let wanted = self.use_channel.iter().filter(|used| **used).count();
         let complete = innovation.dof == wanted;
         if innovation.any_rejected() {

@@ -21,6 +21,8 @@ pub struct SwayEstimate {
 
 /// Longest step of the model when it is carried forward, s.
 const LONGEST_STEP: f64 = 0.01;
+/// A force that the model does not have is taken for a lean if it lasts so long, s.
+const LEAN_TIME: f64 = 0.15;
 /// Most steps forward; what lies beyond is held.
 const MOST_STEPS: f64 = 200.0;
 
@@ -45,6 +47,8 @@ impl SwayEstimator {
             let notice = self.scale.0;
             let torque = self.torque_noise(state).sqrt();
             let planar = self.step_of(state, 0.0, 0.0).planar;
+            // A force that lasts is taken for a lean.
+            let unexplained = unexplained.hypot(planar.inertial_mass * state.unmodelled.lasting(LEAN_TIME));
             let unnoticed = 0.5 * notice * notice * planar.hip_torque_response(estimate.state[1].value).1 * torque;
             // A sway of this force in its own frequency: F = b phi'', J phi'' = -(k - b g) phi.
             let lean = (unexplained * planar.j * planar.posture_by_rest() / (planar.b * planar.k)).hypot(unnoticed);
@@ -85,7 +89,9 @@ impl SwayEstimator {
         let gradient = gradient(&mean, force, |x| step.sway_force(x));
         let direct = planar.b * planar.hip_torque_response(mean[1]).1;
         let variance = belief.variance_along(&gradient) + direct * direct * unmodelled;
-        estimate.force = Estimate::new(force, variance.sqrt());
+        // a force that only the innovations know of moves the robot and looks like one of the sway
+        let unmodelled = planar.inertial_mass * state.unmodelled.std;
+        estimate.force = Estimate::new(force, variance.sqrt().hypot(unmodelled));
         let rate = if N > 2 { mean[2] } else { 0.0 };
         let gradient = SVector::<f64, N>::from_fn(|i, _| [0.0, planar.k, planar.c, 0.0][i]);
         let variance = belief.variance_along(&gradient);

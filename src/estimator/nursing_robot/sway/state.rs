@@ -3,7 +3,7 @@
 use super::{Form, SwayEstimator};
 use crate::estimator::nursing_robot::status::SwayStatus;
 use crate::estimator::standstill::Standstill;
-use crate::filter::adaptation::{MeasurementNoise, ProcessScale};
+use crate::filter::adaptation::{MeasurementNoise, ProcessScale, UnmodelledAcceleration};
 use crate::filter::gaussian::Gaussian;
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
@@ -39,6 +39,8 @@ pub struct SwayState {
     pub noise: MeasurementNoise<3>,
     /// Scale of the process noise.
     pub scale: ProcessScale<3>,
+    /// What the innovations of the speed say of a force that the filter does not follow yet.
+    pub unmodelled: UnmodelledAcceleration,
     /// What the last step did.
     pub status: SwayStatus,
     /// Load mass of the last step, kg.
@@ -72,7 +74,7 @@ impl SwayState {
             (SwayBelief::Four(belief), Form::SoundTorque) => belief.is_valid(),
             _ => false,
         };
-        belief && self.noise.is_valid() && self.scale.is_valid()
+        belief && self.noise.is_valid() && self.scale.is_valid() && self.unmodelled.is_valid()
     }
 }
 
@@ -92,6 +94,7 @@ impl SwayEstimator {
             },
             noise: MeasurementNoise::new(&self.nominal_noise),
             scale: ProcessScale::default(),
+            unmodelled: UnmodelledAcceleration::default(),
             status: SwayStatus::Updated,
             mass: self.human.nominal_mass,
             force: None,
