@@ -49,6 +49,18 @@ def run(plants, extracted):
     return runs
 
 
+@pytest.mark.parametrize("case", BOUNDS)
+def test_the_speed_over_an_edge_is_within_three_standard_deviations(case, plants, extracted):
+    beyond = []
+    for name in CHAIRS:
+        _, inputs, truth = plants[case, name]
+        for seed in (11, 12):
+            with Slave(extracted(FMUS / "Wheelchair.fmu")) as slave:
+                found = estimate(slave, CASES[case], VARIANTS[name], measured(inputs, seed, True))
+            beyond.append(np.mean(np.abs(found["speed"] - truth["speed"]) > 3.0 * found["speed_std"]))
+    assert np.mean(beyond) <= 0.01, np.mean(beyond)
+
+
 def hold(found, bounds):
     for (name, (rms, largest, _)), (rms_bound, largest_bound) in zip(found.items(), bounds):
         assert rms <= rms_bound, (name, rms)

@@ -3,7 +3,7 @@
 use super::contour;
 use super::parameters::{InitialParameters, Kind, Parameters};
 use crate::filter::gaussian::Gaussian;
-use crate::model::wheelchair::{self as model, gravity};
+use crate::model::wheelchair::{self as model, biased_gravity, gravity};
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
@@ -47,6 +47,15 @@ pub(super) fn biases(initial: &InitialParameters) -> [f64; 4] {
 }
 
 impl ChairBelief {
+    /// The estimated bias of the gyro, rad/s; 0 where the known one is taken off before.
+    pub(super) fn gyro_bias(&self) -> f64 {
+        match self {
+            Self::Basic(_) => 0.0,
+            Self::Biased(belief) => belief.mean[model::GYRO_BIAS],
+            Self::Gravity(belief) => belief.mean[biased_gravity::GYRO_BIAS],
+        }
+    }
+
     /// The belief before the first sample.
     pub(super) fn initial(parameters: &Parameters) -> Self {
         let p = &parameters.initial;

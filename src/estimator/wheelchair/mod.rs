@@ -165,8 +165,8 @@ use belief::{biases, of_kind};
 use ekf::{ChairEkf, Drive, Sample};
 use rest::{Bands, Rest, Signs};
 use serde::{Deserialize, Serialize};
-use watch::HEADING;
-use wheels::Wheels;
+use watch::{GYRO, HEADING};
+use wheels::{FrameTurn, Wheels};
 
 /// The estimator; see the [module](self).
 /// ```
@@ -211,6 +211,7 @@ pub struct State {
     /// The ground has contradicted the initial heading.
     left_contour: bool,
     wheels: Wheels,
+    frame_turn: FrameTurn,
     rest: Rest,
     standstill: Standstill,
     /// A brake may have held the chair since the start.
@@ -413,6 +414,7 @@ impl Machine for ChairMachine {
             watch: Watch::default(),
             left_contour: false,
             wheels: Wheels::default(),
+            frame_turn: FrameTurn::default(),
             rest: Rest::default(),
             standstill: Standstill::default(),
             may_be_braked: false,
@@ -494,6 +496,8 @@ impl Machine for ChairMachine {
             status |= Status::RECOVERED | Status::RESTARTED;
         }
         self.doubt_contour(state, dt);
+        let pitch_rate = sample.values[GYRO] - state.belief.gyro_bias();
+        state.frame_turn.watch(pitch_rate, self.basic.noise.gyro, dt);
         status.raise_if(!state.belief.heading_is_observable(), Status::UNOBSERVABLE);
         Outcome { status: status | outcome.status, ..outcome }
     }

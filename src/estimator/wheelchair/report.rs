@@ -70,6 +70,7 @@ impl ChairMachine {
                 report_biases(&mean, belief, [biased_gravity::GYRO_BIAS, biased_gravity::FORCE_GAIN], outputs);
             }
         }
+        outputs.speed.std = outputs.speed.std.hypot(state.frame_turn.speed_std(&self.chair));
         outputs.standstill = drive.still;
     }
 

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 pub(super) const LEFT: usize = ACCEL_X + 1;
 /// Rows of heading and gyro.
 pub(super) const HEADING: usize = 1;
-const GYRO: usize = 2;
+pub(super) const GYRO: usize = 2;
 /// Density of the tilt along the contour line, rad^2/s.
 const ACROSS: f64 = 1e-4;
 /// Densities of the mean of innovations over their standard deviations, 1/s: the gyro sees a tilt while it grows, the
