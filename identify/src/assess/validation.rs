@@ -18,27 +18,25 @@ pub struct Prediction {
 /// the autocorrelation of the error at the lag of one independent sample.
 pub fn signal_fit(prediction: &Prediction) -> SignalFit {
     let trace = &prediction.trace;
-    let pairs: Vec<(f64, f64)> = trace
-        .measured
-        .iter()
-        .zip(&trace.predicted)
-        .map(|(measured, predicted)| (*measured, *predicted))
-        .filter(|(measured, predicted)| measured.is_finite() && predicted.is_finite())
-        .collect();
-    let n = pairs.len() as f64;
-    let mean = pairs.iter().map(|(measured, _)| measured).sum::<f64>() / n;
-    let errors: Vec<f64> = pairs.iter().map(|(measured, predicted)| measured - predicted).collect();
+    let pairs = || {
+        let all = trace.measured.iter().zip(&trace.predicted);
+        all.filter(|(measured, predicted)| measured.is_finite() && predicted.is_finite())
+    };
+    let mut errors = Vec::with_capacity(trace.measured.len());
+    errors.extend(pairs().map(|(measured, predicted)| measured - predicted));
+    let n = errors.len() as f64;
+    let mean = pairs().map(|(measured, _)| measured).sum::<f64>() / n;
     let error: f64 = errors.iter().map(|e| e * e).sum();
-    let spread: f64 = pairs.iter().map(|(measured, _)| (measured - mean).powi(2)).sum();
+    let spread: f64 = pairs().map(|(measured, _)| (measured - mean).powi(2)).sum();
     // A constant signal has no spread to explain.
-    let size = pairs.iter().map(|(measured, _)| measured.powi(2)).sum::<f64>();
+    let size = pairs().map(|(measured, _)| measured.powi(2)).sum::<f64>();
     let spread = if spread > 1e-20 * size { spread } else { f64::NAN };
     SignalFit {
         name: trace.name.clone(),
         unit: trace.unit.clone(),
         log: trace.log.clone(),
         rmse_training: f64::NAN,
-        samples: pairs.len(),
+        samples: errors.len(),
         rmse: (error / n).sqrt(),
         fit_percent: 100.0 * (1.0 - (error / spread).sqrt()),
         fit_percent_training: f64::NAN,

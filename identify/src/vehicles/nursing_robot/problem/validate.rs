@@ -90,7 +90,12 @@ fn simulated_pitch(source: &str, log: &Windowed, body: &Body, hip: &Passive) -> 
     let signals = &log.signals;
     let samples = |seconds: f64| (seconds / signals.period).round() as usize;
     let mut trace = trace("tilt", "rad", source);
-    for range in sway::segments(signals, samples(4.0), samples(10.0), usize::MAX) {
+    let ranges = sway::segments(signals, samples(4.0), samples(10.0), usize::MAX);
+    let count = ranges.iter().map(ExactSizeIterator::len).sum();
+    [&mut trace.time, &mut trace.measured, &mut trace.predicted]
+        .into_iter()
+        .for_each(|column| column.reserve_exact(count));
+    for range in ranges {
         let first = range.start;
         let start = [signals.speed[first], signals.pitch[first], signals.pitch_rate[first]];
         if start.iter().any(|value| value.is_nan()) {
