@@ -24,6 +24,7 @@ pub struct Series {
 
 impl Series {
     /// The samples.
+    #[inline]
     pub fn as_slice(&self) -> &[f64] {
         self
     }
@@ -39,6 +40,7 @@ impl Series {
 impl Deref for Series {
     type Target = [f64];
 
+    #[inline]
     fn deref(&self) -> &[f64] {
         &self.shared[self.part.clone()]
     }

@@ -289,8 +289,8 @@ fn taps(half: usize, period: f64, order: usize) -> Vec<f64> {
     taps
 }
 
-/// Values of a term that are worked out together; with the samples below them they fit the first-level cache.
-const CHUNK: usize = 512;
+/// Values of a term that are worked out together: the processor keeps them in its registers.
+const CHUNK: usize = 16;
 
 /// A term through its window, one value every `stride` samples; NaN where a sample is missing.
 struct Filter<'a> {
@@ -313,31 +313,42 @@ impl<'a> Filter<'a> {
 
     /// The values from number `from` on. Those of a chunk grow tap by tap side by side, each in the order of its window.
     fn fill(&self, from: usize, to: &mut [f64]) {
-        let mut sums = [0.0; CHUNK];
-        for (index, chunk) in to.chunks_mut(CHUNK).enumerate() {
-            let first = (from + index * CHUNK) * self.stride;
+        let mut first = from * self.stride;
+        for chunk in to.chunks_mut(CHUNK) {
             for (number, (values, taps)) in self.parts.iter().enumerate() {
-                let sums = &mut sums[..chunk.len()];
-                // An empty sum is -0.
-                sums.fill(-0.0);
-                for (i, weight) in taps.iter().enumerate() {
-                    let samples = &values[first + i..];
-                    if self.stride == 1 {
-                        sums.iter_mut().zip(samples).for_each(|(sum, value)| *sum += value * weight);
-                    } else {
-                        sums.iter_mut()
-                            .zip(samples.iter().step_by(self.stride))
-                            .for_each(|(sum, value)| *sum += value * weight);
-                    }
-                }
-                if number == 0 {
-                    chunk.copy_from_slice(sums);
+                let sums = if chunk.len() == CHUNK && self.stride == 1 {
+                    side_by_side(&values[first..], taps)
                 } else {
-                    chunk.iter_mut().zip(sums).for_each(|(value, sum)| *value += *sum);
+                    self.one_by_one(&values[first..], taps, chunk.len())
+                };
+                if number == 0 {
+                    chunk.copy_from_slice(&sums[..chunk.len()]);
+                } else {
+                    chunk.iter_mut().zip(sums).for_each(|(value, sum)| *value += sum);
                 }
             }
+            first += chunk.len() * self.stride;
         }
     }
+
+    fn one_by_one(&self, values: &[f64], taps: &[f64], count: usize) -> [f64; CHUNK] {
+        let mut sums = [0.0; CHUNK];
+        let windows = values.windows(taps.len()).step_by(self.stride);
+        for (sum, window) in sums[..count].iter_mut().zip(windows) {
+            *sum = window.iter().zip(taps).map(|(value, weight)| value * weight).sum();
+        }
+        sums
+    }
+}
+
+/// The sums of neighbouring windows.
+fn side_by_side(values: &[f64], taps: &[f64]) -> [f64; CHUNK] {
+    // An empty sum is -0.
+    let mut sums = [-0.0; CHUNK];
+    for (samples, weight) in values.windows(CHUNK).zip(taps) {
+        sums.iter_mut().zip(samples).for_each(|(sum, value)| *sum += value * weight);
+    }
+    sums
 }
 
 /// The first derivative of a term through the window at every sample; missing at both ends.

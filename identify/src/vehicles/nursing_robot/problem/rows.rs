@@ -103,10 +103,6 @@ impl Signals {
         let mean = (lean[i] - lean[i - 1]) / self.period + 0.5 * (rate[i] + rate[i - 1]);
         if mean.is_finite() { mean } else { 0.0 }
     }
-
-    fn pitch_at(&self, i: usize) -> f64 {
-        if self.pitch.is_empty() { 0.0 } else { self.pitch[i] }
-    }
 }
 
 /// Windows of one length and stride over signals.
@@ -240,10 +236,11 @@ pub type JointRow = Row;
 pub fn pitch_rows(windows: &Windows, body: &Body, starts: &[usize]) -> Vec<JointRow> {
     let (s, psi) = (windows.signals, windows.psi);
     let Body { b, j, .. } = *body;
+    let [speed, yaw_rate, pitch, pitch_rate] = [&s.speed, &s.yaw_rate, &s.pitch, &s.pitch_rate].map(Series::as_slice);
     let terms = |i: usize| {
-        let (v, w, phi) = (s.speed[i], s.yaw_rate[i], s.pitch[i]);
-        let (sin, cos) = (phi.sin(), phi.cos());
-        [phi, 1.0, v * sin * s.pitch_rate[i] - GRAVITY * sin, w.powi(2) * sin * cos, v * cos]
+        let (v, w, phi) = (speed[i], yaw_rate[i], pitch[i]);
+        let (sin, cos) = phi.sin_cos();
+        [phi, 1.0, v * sin * pitch_rate[i] - GRAVITY * sin, w.powi(2) * sin * cos, v * cos]
     };
     each(windows, starts, terms, |terms, at| {
         let of = |psi: [f64; 3], [phi, one, coupling, turning, forward]: &[f64; 5]| {
@@ -260,15 +257,17 @@ pub fn pitch_rows(windows: &Windows, body: &Body, starts: &[usize]) -> Vec<Joint
 pub fn roll_rows(windows: &Windows, body: &Body, starts: &[usize]) -> Vec<JointRow> {
     let (s, psi) = (windows.signals, windows.psi);
     let Body { b, j, .. } = *body;
+    let [speed, yaw_rate, roll, pitch_rate] = [&s.speed, &s.yaw_rate, &s.roll, &s.pitch_rate].map(Series::as_slice);
+    let pitch = s.pitch.as_slice();
     let terms = |i: usize| {
-        let (w, pitch, roll) = (s.yaw_rate[i], s.pitch_at(i), s.roll[i]);
-        let (sin, cos) = (roll.sin(), roll.cos());
-        let upright = pitch.cos();
-        let coupling = j * w * s.pitch_rate[i] * upright * (1.0 - 2.0 * cos.powi(2))
+        let (w, roll) = (yaw_rate[i], roll[i]);
+        let (sin, cos) = roll.sin_cos();
+        let (forward, upright) = if pitch.is_empty() { (0.0, 1.0) } else { pitch[i].sin_cos() };
+        let coupling = j * w * pitch_rate[i] * upright * (1.0 - 2.0 * cos.powi(2))
             - j * w * w * sin * cos * upright.powi(2)
-            - b * w * s.speed[i] * cos
+            - b * w * speed[i] * cos
             - b * GRAVITY * sin * upright;
-        [roll, 1.0, coupling, w * pitch.sin()]
+        [roll, 1.0, coupling, w * forward]
     };
     each(windows, starts, terms, |terms, at| {
         let of = |psi: [f64; 3], [roll, one, coupling, aside]: &[f64; 4]| {
@@ -320,13 +319,14 @@ pub fn longitudinal(
 ) -> Vec<Longitudinal> {
     let (s, psi) = (windows.signals, windows.psi);
     let sways = !s.pitch.is_empty() && body.lever != 0.0;
+    let [speed, yaw_rate, pitch, accel] = [&s.speed, &s.yaw_rate, &s.pitch, &s.accel].map(Series::as_slice);
     let terms = |i: usize| {
-        let v = s.speed[i];
-        let sin = if sways { s.pitch[i].sin() } else { 0.0 };
+        let v = speed[i];
+        let sin = if sways { pitch[i].sin() } else { 0.0 };
         [
             s.force[i],
-            if accelerometer { s.accel[i] } else { 0.0 },
-            s.yaw_rate[i].powi(2) * sin,
+            if accelerometer { accel[i] } else { 0.0 },
+            yaw_rate[i].powi(2) * sin,
             (v / body.smoothing_speed).tanh(),
             v * v.abs(),
             1.0,
