@@ -337,7 +337,10 @@ fn without_height(
             solution.std(0)
         ));
     }
-    session.retract(HEIGHT, "accelerating and braking do not show it to a quarter, and initial.cg_ratio relies on the known value");
+    session.retract(
+        HEIGHT,
+        "accelerating and braking do not show it to a quarter, and initial.cg_ratio relies on the known value",
+    );
     RADII.iter().filter(|name| task.wants(name)).for_each(|name| {
         session.retract(name, "neither coasting nor changing torque shows it");
     });
