@@ -46,19 +46,20 @@ pub const CRATES: &[Crate] = &[
             ("progress", &[]),
             ("output", &[]),
             ("between", &[]),
-            ("columns", &["between"]),
+            ("series", &[]),
+            ("columns", &["between", "series"]),
             ("error", &["columns", "progress"]),
             // What a file holds, whatever its format, and the readers of each.
-            ("recording", &["columns", "error"]),
+            ("recording", &["columns", "error", "series"]),
             ("csv", READER),
             ("parquet", READER),
             ("mf4", READER),
             ("mcap", READER),
             ("can", READER),
             // From recordings to a log on one time base.
-            ("assemble", &["", "between", "columns", "error", "recording"]),
-            ("sampling", &[""]),
-            ("compact", &["", "error"]),
+            ("assemble", &["", "between", "columns", "error", "recording", "series"]),
+            ("sampling", &["", "series"]),
+            ("compact", &["", "error", "series"]),
             ("table", &["", "columns", "csv", "error", "hash", "progress", "recording", "wanted"]),
             ("wanted", &["", "columns"]),
         ],
@@ -245,7 +246,7 @@ pub const CRATES: &[Crate] = &[
 ];
 
 /// What a reader of one format may use: it never sees another one. What it writes is a log.
-const READER: &[&str] = &["", "columns", "error", "guard", "hash", "progress", "recording", "wanted"];
+const READER: &[&str] = &["", "columns", "error", "guard", "hash", "progress", "recording", "series", "wanted"];
 
 /// What one machine of `identify` may use.
 const MACHINE: &[&str] = &[

@@ -1,8 +1,9 @@
 //! What the readers deliver before a column map turns it into a log.
 
+use crate::LogError;
 use crate::columns::unit;
 use crate::error::quoted;
-use crate::{LogError, Series};
+use crate::series::Series;
 use std::collections::HashSet;
 
 /// The groups of a file under their own names.

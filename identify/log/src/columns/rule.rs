@@ -3,8 +3,8 @@
 use super::expression::Expression;
 use super::select::{Selector, Which};
 use super::{texts, unit};
-use crate::Series;
 use crate::between::Between;
+use crate::series::Series;
 use toml::{Table, Value};
 
 /// Keys of a channel's table.
