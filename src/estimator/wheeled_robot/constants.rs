@@ -168,7 +168,7 @@ impl Constants {
             if std == 0.0 || load[i] <= 0.0 || model.tire.combined {
                 return first_order;
             }
-            let whole = longitudinal[i].hypot(lateral[i]);
+            let whole = (longitudinal[i] * longitudinal[i] + lateral[i] * lateral[i]).sqrt();
             let [driven, free] = [whole, lateral[i].abs()].map(|force| brush(force / (friction * load[i])));
             let costs = lateral[i] / (per_load * load[i]) * (driven - free) * stiffness[i];
             if costs.abs() > first_order.abs() { costs } else { first_order }
