@@ -45,13 +45,12 @@ pub struct Quality {
 }
 
 /// What a good industrial sensor keeps, by the unit of its channel and, for angles, by what they are angles of.
-/// Encoders and wheel speeds count teeth: their scale is the radius of the wheel, a known value, and the others are late
-/// against them.
+/// Encoders and wheel speeds count teeth: their scale is the radius of the wheel, a known value, and what is left is the
+/// clock of each of them.
 pub fn quality(channel: &str, unit: &str) -> Option<Quality> {
     let some = |gain: f64, bias: f64, delay: f64| Some(Quality { gain, bias, delay });
-    let counts = channel.starts_with("encoder") || channel.starts_with("wheel_speed");
     match unit {
-        _ if counts => None,
+        _ if counts(channel) => some(0.0, 0.0, 0.0075),
         "N" | "N.m" => some(0.015, 0.0, 0.0075),
         "m/s" => some(0.005, 0.0, 0.0075),
         "m/s2" => some(0.003, 0.025, 0.0075),
@@ -62,8 +61,14 @@ pub fn quality(channel: &str, unit: &str) -> Option<Quality> {
     }
 }
 
+/// Whether a channel counts the teeth of a wheel. Wheels are compared with each other, so that each of them is late alone:
+/// all of them together are the others early.
+fn counts(channel: &str) -> bool {
+    channel.starts_with("encoder") || channel.starts_with("wheel_speed")
+}
+
 /// Standard deviation of a known value, relative: masses 3 %, inertias 5 %, lengths 2 %.
-fn known_std(variable: &Variable, value: f64) -> Option<f64> {
+pub fn known_std(variable: &Variable, value: f64) -> Option<f64> {
     const PARTS: [&str; 8] = ["robot.", "human.", "loader.", "vehicle.", "wheel.", "chair.", "body.", "imu."];
     let name = variable.name.as_str();
     if !PARTS.iter().any(|part| name.starts_with(part)) || name.ends_with("_std") || value == 0.0 {
@@ -80,7 +85,7 @@ fn known_std(variable: &Variable, value: f64) -> Option<f64> {
 }
 
 /// Channels of one device: `torque_left` and `torque_right`, `tilt` and `tilt_rate` are wrong together.
-fn device(channel: &str) -> &str {
+pub fn device(channel: &str) -> &str {
     match channel {
         "accel_x" | "accel_y" | "accel_z" | "gyro_x" | "gyro_y" | "gyro_z" => "imu",
         name if name.starts_with("wheel_speed") => "wheel_speed",
@@ -167,13 +172,22 @@ pub fn causes(
             let change = Change::Gain(names(&|quality| quality.gain), gain);
             all.push(Cause { name: format!("gain of {label} (+-{:.3} %)", 100.0 * gain), steps: 1.0, change });
         }
-        let delay = largest(&|quality| quality.delay);
-        if delay > 0.0 && period > 0.0 {
-            // A whole sample: interpolation in between would smooth the noise.
-            let samples = (delay / period).round().max(1.0);
-            let change = Change::Delay(names(&|quality| quality.delay), samples as usize);
-            let name = format!("delay of {label} (+-{} ms)", 1e3 * delay);
-            all.push(Cause { name, steps: samples * period / delay, change });
+        let mut late = |label: &str, names: Vec<String>, delay: f64| {
+            if delay > 0.0 && period > 0.0 {
+                // A whole sample: interpolation in between would smooth the noise.
+                let samples = (delay / period).round().max(1.0);
+                let name = format!("delay of {label} (+-{} ms)", 1e3 * delay);
+                all.push(Cause {
+                    name,
+                    steps: samples * period / delay,
+                    change: Change::Delay(names, samples as usize),
+                });
+            }
+        };
+        if channels.iter().all(|(name, _)| counts(name)) {
+            channels.iter().for_each(|(name, quality)| late(name, vec![(*name).to_owned()], quality.delay));
+        } else {
+            late(label, names(&|quality| quality.delay), largest(&|quality| quality.delay));
         }
         // Each channel has a bias of its own; those of many joints act on one joint each and are tried together.
         let bias = largest(&|quality| quality.bias);

@@ -115,6 +115,8 @@ pub struct Findings {
     pub profiles: Vec<Profiled>,
     /// What was decided by the data, see [`Session::decide`](super::Session::decide).
     pub decisions: BTreeMap<String, bool>,
+    /// Which of them hold for a fit to a part of the logs, too.
+    pub of_parts: BTreeSet<String>,
     /// What was not found, with the reasons.
     pub given_up: BTreeMap<String, String>,
     /// Warnings.
@@ -158,6 +160,11 @@ impl Findings {
     /// The estimate of a parameter.
     pub fn get(&self, name: &str) -> Option<&Found> {
         self.found.iter().find(|found| found.name == name)
+    }
+
+    /// The decisions that a fit to a part of the logs takes over.
+    pub fn decisions_of_parts(&self) -> BTreeMap<String, bool> {
+        self.decisions.iter().filter(|(what, _)| self.of_parts.contains(*what)).map(|(w, d)| (w.clone(), *d)).collect()
     }
 
     /// Names and values.

@@ -74,24 +74,35 @@ impl Fit<'_> {
 
     /// Estimates from some logs, until all that is given holds.
     pub fn run(&self, logs: &[Log], known: &Known, progress: &Progress) -> Result<Findings, FitError> {
-        self.estimate(logs, known, None, &[], progress)
+        self.estimate(logs, known, None, false, &[], progress)
+    }
+
+    /// The same with what another fit has decided.
+    pub fn run_as(
+        &self,
+        logs: &[Log],
+        known: &Known,
+        decisions: &BTreeMap<String, bool>,
+        progress: &Progress,
+    ) -> Result<Findings, FitError> {
+        self.estimate(logs, known, Some(decisions), false, &[], progress)
     }
 
     /// The same with the profiles that were asked for.
     fn run_profiled(&self, logs: &[Log], known: &Known, progress: &Progress) -> Result<Findings, FitError> {
-        self.estimate(logs, known, None, &self.request.profile, progress)
+        self.estimate(logs, known, None, false, &self.request.profile, progress)
     }
 
-    /// The same, or, where only differences from a fit are looked for that took some `decisions`, coarsely.
+    /// The same with what another fit has decided; coarsely where only differences from that fit are looked for.
     fn estimate(
         &self,
         logs: &[Log],
         known: &Known,
         decisions: Option<&BTreeMap<String, bool>>,
+        coarse: bool,
         profiled: &[String],
         progress: &Progress,
     ) -> Result<Findings, FitError> {
-        let coarse = decisions.is_some();
         let task = self.task(logs, known, coarse, progress);
         let new = || Session::new(self.request, self.targets).coarse(coarse).decided(decisions).profiling(profiled);
         let mut session = new();
@@ -141,7 +152,7 @@ impl Fit<'_> {
     fn effects(&self, logs: &[Log], known: &Known, causes: &[Cause], of: &Findings) -> Vec<Effect> {
         let some = pieces(logs);
         let none = Progress::none();
-        let run = |logs: &[Log], known: &Known| self.estimate(logs, known, Some(&of.decisions), &[], &none);
+        let run = |logs: &[Log], known: &Known| self.estimate(logs, known, Some(&of.decisions), true, &[], &none);
         let Ok(base) = run(&some, known) else { return Vec::new() };
         let effect = |cause: &Cause| {
             let (logs, changed) = cause.apply(&some, known);
@@ -212,7 +223,8 @@ pub fn fit(
     progress.describe("considering what the logs do not show");
     let mut causes = causes(&used, declared, &known, request, &wanted, &findings.offsets).map_err(FitError::Request)?;
     // The estimates have in them what a delay that was fitted along does not tell.
-    causes.retain(|cause| !findings.delays.iter().any(|delay| cause.delays(&delay.channel)));
+    let fitted = |cause: &Cause| findings.delays.iter().any(|d| cause.delays(&d.channel) || cause.delays(&d.against));
+    causes.retain(|cause| !fitted(cause));
     let effects = fit.effects(&used, set.first_known(), &causes, &findings);
     progress.reach(0.6);
     progress.check()?;

@@ -88,7 +88,7 @@ mod varying;
 pub mod weak_form;
 
 pub use crate::assess::validation::Prediction;
-pub use considered::{Quality, quality};
+pub use considered::{Quality, device, known_std, quality};
 pub use findings::Offset;
 pub use fit::{Declared, fit};
 pub use known::Known;

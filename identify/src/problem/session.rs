@@ -10,7 +10,7 @@ use crate::solve::compress::Factors;
 use crate::solve::profile::{self, Curve, Function};
 use crate::solve::{self, Accuracy, Loss, Options, Regression, Smooth, Solution, SolveError, robust, student};
 use nalgebra::{DMatrix, DVector};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
 /// A solution kept in the session.
@@ -61,6 +61,8 @@ pub struct Session<'a> {
     delays: Vec<Delay>,
     offsets: Vec<Offset>,
     decisions: BTreeMap<String, bool>,
+    /// Which of them hold for a fit to a part of the logs, too.
+    of_parts: BTreeSet<String>,
     given_up: BTreeMap<String, String>,
     warnings: Vec<String>,
     notes: Vec<String>,
@@ -82,6 +84,7 @@ impl<'a> Session<'a> {
             delays: Vec::new(),
             offsets: Vec::new(),
             decisions: BTreeMap::new(),
+            of_parts: BTreeSet::new(),
             given_up: BTreeMap::new(),
             warnings: Vec::new(),
             notes: Vec::new(),
@@ -107,6 +110,13 @@ impl<'a> Session<'a> {
     /// between fits are looked for, what the fit decided that they are differences of. They would jump otherwise.
     pub fn decide(&mut self, what: &str, now: bool) -> bool {
         *self.decisions.entry(what.to_owned()).or_insert(now)
+    }
+
+    /// The same, and a fit to a part of the logs takes the decision over, too: to compare a part with the whole if they come
+    /// from different models would say nothing.
+    pub fn decide_for_parts(&mut self, what: &str, now: bool) -> bool {
+        self.of_parts.insert(what.to_owned());
+        self.decide(what, now)
     }
 
     /// The same with conditions that its solutions must meet.
@@ -501,6 +511,7 @@ impl<'a> Session<'a> {
             offsets: self.offsets.clone(),
             profiles: Vec::new(),
             decisions: self.decisions.clone(),
+            of_parts: self.of_parts.clone(),
             given_up: self.given_up.clone(),
             warnings: self.warnings.clone(),
             notes: self.notes.clone(),

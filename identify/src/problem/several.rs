@@ -157,6 +157,7 @@ pub fn combine(logs: &[&Findings], free: &BTreeSet<String>) -> Option<Findings> 
         offsets: logs.iter().flat_map(|log| &log.offsets).cloned().collect(),
         profiles: Vec::new(),
         decisions: logs.iter().flat_map(|log| log.decisions.clone()).collect(),
+        of_parts: logs.iter().flat_map(|log| log.of_parts.clone()).collect(),
         given_up,
         warnings: all(&|log| &log.warnings),
         notes: all(&|log| &log.notes),

@@ -57,7 +57,8 @@ impl Judge<'_> {
         for ((training, held_out), first) in parts.zip(set.chosen.iter().step_by(size)) {
             let known = &set.known[*first];
             // The first part alone may not suffice: then there is nothing to validate with.
-            let Ok(early) = self.fit.run(training, known, &Progress::none()) else { continue };
+            let decisions = self.findings.decisions_of_parts();
+            let Ok(early) = self.fit.run_as(training, known, &decisions, &Progress::none()) else { continue };
             progress.check()?;
             if size == used.len() {
                 self.compare_parts(&early);

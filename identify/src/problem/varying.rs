@@ -301,6 +301,7 @@ fn findings(logs: &[&Findings], design: &Design, squares: &GeneralisedLeastSquar
         offsets: logs.iter().flat_map(|log| &log.offsets).cloned().collect(),
         profiles: Vec::new(),
         decisions: logs.iter().flat_map(|log| log.decisions.clone()).collect(),
+        of_parts: logs.iter().flat_map(|log| log.of_parts.clone()).collect(),
         given_up: Default::default(),
         found,
     })

@@ -5,7 +5,7 @@ use wheelstate::estimator::wheel_loader::Parameters;
 use wheelstate_identify::log::Log;
 use wheelstate_identify::problem::{FitRequest, Known};
 use wheelstate_identify::progress::Progress;
-use wheelstate_identify::result::FitReport;
+use wheelstate_identify::result::{FitReport, Parameter};
 use wheelstate_identify::simulate::Request;
 use wheelstate_identify::solve::{Loss, Options, solve};
 use wheelstate_identify::vehicles::wheel_loader;
@@ -134,6 +134,53 @@ fn a_late_speed_is_fitted_along_with_its_interval() {
         assert!(stiffness.std_error < 4.0, "{stiffness:?}");
     }
     assert!(errors.iter().all(|z| z.abs() < 3.0), "{errors:?}");
+}
+
+/// The log with one wheel speed later than the others by so many samples, or earlier.
+fn with_late(mut log: Log, channel: &str, samples: isize) -> Log {
+    let values = &mut log.channels.iter_mut().find(|other| other.name == channel).unwrap().values;
+    let last = values.len() as isize - 1;
+    *values = (0..=last).map(|k| values[(k - samples).clamp(0, last) as usize]).collect();
+    log
+}
+
+/// Wheel speeds of one axle with a clock of their own look like slip that goes from one axle to the other: the delay is found
+/// and the ratio of the loads keeps within its interval.
+#[test]
+fn a_late_wheel_speed_of_one_axle_is_no_load() {
+    for (seed, channel, samples) in [
+        (51, "wheel_speed_front", 1),
+        (52, "wheel_speed_front", -1),
+        (53, "wheel_speed_rear", 1),
+        (54, "wheel_speed_rear", -1),
+        (55, "wheel_speed_front", 2),
+        (56, "wheel_speed_rear", 2),
+    ] {
+        let report = fitted(with_late(log("accelerate-brake", seed, &[]), channel, samples), &request());
+        let ratio = &report.parameters["initial.cg_ratio"];
+        let delay = report.delays.iter().find(|delay| delay.channel == "wheel_speed_front").unwrap();
+        let truth = 0.01 * samples as f64 * if channel == "wheel_speed_front" { 1.0 } else { -1.0 };
+        println!(
+            "{channel} {samples}: {:.4} +- {:.4} s, ratio {:.3} +- {:.3}",
+            delay.value, delay.std_error, ratio.value, ratio.std_error
+        );
+        assert!((ratio.value - 0.45).abs() < 3.0 * ratio.std_error, "{channel} {samples}: {ratio:?}");
+        assert!((delay.value - truth).abs() < 3.0 * delay.std_error, "{channel} {samples}: {delay:?}");
+        assert!(delay.std_error < 0.004, "{delay:?}");
+    }
+}
+
+/// At constant torque nothing tells a delay from slip: the interval contains what a delay would do, says so, and a user who
+/// knows of one clock gets a narrower one.
+#[test]
+fn where_a_delay_between_the_wheel_speeds_does_not_show_it_is_considered() {
+    let usual = fitted(log("bumpy-c", 57, &[]), &request());
+    let one_clock = vec![("wheel_speed.delay_std".to_owned(), 0.0)];
+    let known = fitted(log("bumpy-c", 57, &[]), &FitRequest { sensors: one_clock, ..request() });
+    let [usual, known] = [&usual, &known].map(|report| &report.parameters["initial.cg_ratio"]);
+    println!("{usual:?}\n{known:?}");
+    let named = |ratio: &Parameter| ratio.contributions.iter().any(|part| part.cause.contains("delay of wheel_speed"));
+    assert!(named(usual) && !named(known) && known.std_error < usual.std_error);
 }
 
 /// The slip is noisier than it is large: least squares must fail, and its failure must be seen.

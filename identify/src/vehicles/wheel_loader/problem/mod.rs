@@ -23,6 +23,13 @@
 //! gain's standard deviation. Where that shows a delay, it is the answer. Where it shows none, the answer is that without a
 //! delay and with the radii of stage 0, which is more accurate if there is none, but its standard errors hold any delay
 //! that would not have shown. Where it does not determine the delay, delay and gain are considered as for any other sensor.
+//!
+//! The wheel speeds of the two axles may have clocks of their own, too. The front one later than the rear one by `tau_fr`
+//! is the speed later by `tau - tau_fr/2` against the front wheels and by `tau + tau_fr/2` against the rear ones: it shifts
+//! slip from one axle to the other, and with it the ratio, by 0.09 for 10 ms. `tau_fr` is open as well, with the delay that is
+//! declared for the wheel speeds as its prior, and settled in the same way: the slip grows with the speed and a delay does
+//! not, so that a log with torque at several speeds tells them apart. Where the log does not determine `tau_fr`, the
+//! delay of each wheel speed is considered.
 
 mod rolling;
 mod sample;
@@ -34,9 +41,12 @@ use crate::assess::Limits;
 use crate::log::Log;
 use crate::problem::{FitError, Fitted, Judgement, Offset, Prediction, Problem, Session, Target, Task};
 use crate::result::Trace;
+use crate::solve::Solution;
+use nalgebra::DVector;
 use rolling::{coasting_radius, impulse_balance};
-use sample::{Balance, Machine, Run};
+use sample::{Balance, Machine, Run, SHARE_APART};
 use slip::{FIXED, Radii, SHARED, Slip};
+use std::iter::zip;
 use wheelstate::Variables;
 use wheelstate::estimator::wheel_loader::Parameters;
 
@@ -44,7 +54,9 @@ use wheelstate::estimator::wheel_loader::Parameters;
 pub const PROBLEM: Problem = Problem { targets, outliers: &SPIKED, estimate, validate };
 
 /// A spike of a torque stands on both sides of a row of stage 2 and in its instrument.
-const SPIKED: [&str; 5] = ["torque_front", "torque_rear", "wheel_speed_front", "wheel_speed_rear", "speed"];
+const SPIKED: [&str; 5] = ["torque_front", "torque_rear", WHEEL_SPEEDS[0], WHEEL_SPEEDS[1], "speed"];
+
+const WHEEL_SPEEDS: [&str; 2] = ["wheel_speed_front", "wheel_speed_rear"];
 
 const RADII: [&str; 2] = ["loader.wheel_radius_front", "loader.wheel_radius_rear"];
 const ROLLING: &str = "rolling.coefficient";
@@ -71,6 +83,10 @@ const KEEP: f64 = 2.0;
 const DETERMINED: f64 = 0.5;
 /// Standard errors from which on a log shows a delay.
 const SHOWS: f64 = 1.5;
+/// What tyres make of the delay of the speed and of that between the wheel speeds, standard deviations, s: their slip lags
+/// behind the torque by the relaxation length, 0.3 to 0.7 m, which poses as 0.5 to 1 ms and 1.4 to 3.3 ms (the built-in plant
+/// without noise).
+const LAGS: [f64; 2] = [0.001, 0.002];
 /// Relative standard error beyond which an unknown counts as unobservable.
 const UNOBSERVABLE: f64 = 0.25;
 /// Largest relative standard error of an identified unknown with all that is considered. The estimator starts from the
@@ -118,13 +134,17 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     let stage = Slip { logs: &logs, names: &names, stride: if task.coarse { COARSE } else { 1 } };
     let open = with_delay(task, &stage, machine.clone(), given.radius, session)?;
     let fit = match open {
-        Some(Open { fit, machine, shown }) if task.coarse || shown => {
-            record(fit, [0.0; 3], session);
-            settle_radii(task, &stage, machine, &given, fit, session)?;
+        Some(open) if task.coarse || open.shown => {
+            let lags = open.lag_std(&session.solution(open.fit).theta);
+            let Open { fit, machine, .. } = open;
+            let [stiffness, ratio, height, front, rear] = lags;
+            record(fit, [stiffness, ratio, height], session);
+            settle_radii(task, &stage, machine, &given, fit, [front, rear], session)?;
             Some(fit)
         }
-        Some(Open { fit, .. }) => {
-            record(fit, [0.0; 3], session);
+        Some(open) => {
+            let [stiffness, ratio, height, ..] = open.lag_std(&session.solution(open.fit).theta);
+            record(open.fit, [stiffness, ratio, height], session);
             let names = [STIFFNESS, RATIO, HEIGHT];
             let stds = names.map(|name| session.std_error(name).unwrap_or(0.0));
             let fit = without_delay(task, &stage, machine, &given, &radii, session)?;
@@ -175,6 +195,15 @@ fn rolling_resistance(
             fit
         }
         None => {
+            // One way a wrong slope is a wrong resistance: as far as that is from the given one, the slope may be wrong,
+            // unless the user says how well it is known.
+            let (found, given) = (session.solution(alone), task.known.get(ROLLING));
+            let (value, std_error) = (given - found.theta[0], found.std(0));
+            for log in task.logs.iter().filter(|_| measured && assumed) {
+                let against = "the given rolling resistance says".to_owned();
+                let (log, channel) = (log.source.clone(), "slope".to_owned());
+                session.offset(Offset { log, channel, unit: "rad", against, value, std_error });
+            }
             let systematic_std = if measured || task.exact { 0.0 } else { FLOOR_SLOPE };
             let judgement = Judgement { systematic_std, doubt: assumed.then_some(ONE_WAY), ..Judgement::default() };
             session.estimate_judged(ROLLING, alone, judgement, |x| x[0]);
@@ -185,45 +214,97 @@ fn rolling_resistance(
     Ok(())
 }
 
-/// Stage 2 with delay and gain of the speed open.
+/// Stage 2 with the delays and the gain of the speed open.
 struct Open {
     fit: Fitted,
     /// About what it is linearised.
     machine: Machine,
     /// Whether a log shows a delay.
     shown: bool,
+    /// By how much the lag of the tyres' slip moves the shared unknowns, as one kind of delay and as the other.
+    lags: [[f64; SHARED]; 2],
 }
 
-/// Stage 2 with delay and gain of the speed open; none if the logs do not determine the delay.
+impl Open {
+    /// Standard deviations that the lag of the slip leaves in `(K, lambda, h, d ln r_f, d ln r_r)` at these unknowns.
+    fn lag_std(&self, theta: &[f64]) -> [f64; SHARED] {
+        let of = |moved: &[f64; SHARED], index: usize| match index {
+            0 => moved[0],
+            _ => (moved[index] - moved[0] * theta[index] / theta[0]) / theta[0],
+        };
+        std::array::from_fn(|index| of(&self.lags[0], index).hypot(of(&self.lags[1], index)))
+    }
+}
+
+/// Stage 2 with the delays and the gain of the speed open; none if the logs do not determine the speed's delay.
 fn with_delay(
     task: &Task,
     stage: &Slip,
-    mut machine: Machine,
+    machine: Machine,
     given: [f64; 2],
     session: &mut Session,
 ) -> Result<Option<Open>, FitError> {
-    let sensor = task.quality("speed");
+    let (sensor, clocks) = (task.quality("speed"), WHEEL_SPEEDS.map(|channel| task.quality(channel).delay));
     if sensor.delay <= 0.0 {
         return Ok(None);
     }
-    machine.late_std = sensor.delay;
     let radius_std = |axle: usize| if task.wants(RADII[axle]) { machine.radius_std } else { 0.0 };
     let radii = Radii { given, std: [0, 1].map(|axle| radius_std(axle).hypot(sensor.gain).max(FIXED)) };
-    let Some(fit) = stage.fit(&mut machine, &radii, None, session)? else { return Ok(None) };
-    let (solution, late) = (session.solution(fit), &machine.late);
-    let determined = solution.std(0) < UNOBSERVABLE * solution.theta[0]
-        && (0..late.len()).all(|index| solution.std(SHARED + index) < DETERMINED * sensor.delay * solution.theta[0]);
-    let std = |index: usize| solution.std(SHARED + index) / solution.theta[0];
-    let shown = (0..late.len()).any(|index| late[index].abs() > SHOWS * std(index));
-    let about: Vec<f64> = late.iter().zip(&solution.theta[SHARED..]).map(|(l, x)| l - x / solution.theta[0]).collect();
-    if !session.decide("the delay of the speed is determined", determined) {
+    let start = Machine { late_std: sensor.delay, apart_std: clocks[0].hypot(clocks[1]), ..machine };
+    let logs = task.logs.len();
+    // Of each log's delays of one kind, with the standard deviation that is known beforehand: whether they are determined.
+    let determined = |solution: &Solution, first: usize, std: f64| {
+        (first..first + logs).all(|index| solution.std(index) < DETERMINED * std * solution.theta[0])
+    };
+    let mut machine = start.clone();
+    let Some(mut fit) = stage.fit(&mut machine, &radii, None, session)? else { return Ok(None) };
+    let told = start.apart_std > 0.0 && determined(session.solution(fit), SHARED + logs, start.apart_std);
+    let apart = session.decide_for_parts("the delay between the wheel speeds is determined", told);
+    if !apart && start.apart_std > 0.0 {
+        machine = Machine { apart_std: 0.0, ..start };
+        let Some(without) = stage.fit(&mut machine, &radii, None, session)? else { return Ok(None) };
+        fit = without;
+    }
+    let solution = session.solution(fit);
+    let stiff = solution.std(0) < UNOBSERVABLE * solution.theta[0];
+    let told = stiff && determined(solution, SHARED, sensor.delay);
+    let late: Vec<f64> = machine.late.iter().chain(&machine.apart).copied().collect();
+    let open = if apart { 2 * logs } else { logs };
+    let shows = |(index, late): (usize, &f64)| {
+        late.abs() > SHOWS * (solution.std(SHARED + index) / solution.theta[0]).hypot(LAGS[index / logs])
+    };
+    let shown = late.iter().enumerate().take(open).any(shows);
+    let lags = moved_by_lags(solution, logs, open);
+    let about: Vec<f64> = zip(&late, &solution.theta[SHARED..]).map(|(late, x)| late - x / solution.theta[0]).collect();
+    let shown = session.decide_for_parts("a delay shows", shown);
+    if !session.decide_for_parts("the delay of the speed is determined", told) {
         return Ok(None);
     }
     for (index, log) in task.logs.iter().enumerate() {
-        let about = about[index];
-        session.delay(&log.source, "speed", "wheel speeds", fit, move |x| about + x[SHARED + index] / x[0]);
+        let of = |index: usize| {
+            let about = about[index];
+            move |x: &[f64]| about + x[SHARED + index] / x[0]
+        };
+        session.delay(&log.source, "speed", "wheel speeds", fit, of(index));
+        if apart {
+            session.delay(&log.source, WHEEL_SPEEDS[0], WHEEL_SPEEDS[1], fit, of(logs + index));
+        }
     }
-    Ok(Some(Open { fit, machine, shown }))
+    Ok(Some(Open { fit, machine, shown, lags }))
+}
+
+/// By how much the shared unknowns are off where the lag of the slip is taken for a delay: the first `open` unknowns after
+/// the shared ones, of so many logs each kind, drag the others along as their covariance says, `C_p,tau C_tau^-1 d tau`.
+fn moved_by_lags(solution: &Solution, logs: usize, open: usize) -> [[f64; SHARED]; 2] {
+    let covariance = &solution.covariance;
+    let of_delays = covariance.view((SHARED, SHARED), (open, open)).into_owned();
+    let Some(inverse) = of_delays.try_inverse() else { return [[0.0; SHARED]; 2] };
+    let with = covariance.view((0, SHARED), (SHARED, open)) * inverse;
+    [0, 1].map(|kind| {
+        let lag = |index: usize| if index / logs == kind { LAGS[kind] * solution.theta[0] } else { 0.0 };
+        let moved = &with * DVector::from_fn(open, |index, _| lag(index));
+        std::array::from_fn(|index| moved[index])
+    })
 }
 
 /// Stage 2 with the speed in time, and with the height as given if it is not seen.
@@ -242,36 +323,39 @@ fn without_delay(
     if !session.decide("initial.cg_height is seen", known) {
         return without_height(task, stage, start, given, radii.std, session);
     }
-    settle_radii(task, stage, machine, given, fit, session)?;
+    settle_radii(task, stage, machine, given, fit, [0.0; 2], session)?;
     Ok(Some(fit))
 }
 
-/// Records the radii that stage 2 found, or keeps the given ones if they agree with them.
+/// Records the radii that stage 2 found, with relative standard deviations beside those of its covariance, or keeps the given
+/// ones if they agree with them.
 fn settle_radii(
     task: &Task,
     stage: &Slip,
     machine: Machine,
     given: &Machine,
     fit: Fitted,
+    extra_std: [f64; 2],
     session: &mut Session,
 ) -> Result<(), FitError> {
     // With another gain of the speed, say, the radii would be others and would not be kept.
     let mut kept = !task.coarse;
     for axle in 0..2 {
         let (radius, solution) = (machine.radius[axle], session.solution(fit));
-        let std = radius * solution.std(3 + axle) / solution.theta[0];
+        let std = radius * (solution.std(3 + axle) / solution.theta[0]).hypot(extra_std[axle]);
         let found = move |x: &[f64]| radius * (1.0 + x[3 + axle] / x[0]);
         kept &= (found(&solution.theta) - given.radius[axle]).abs() < KEEP * std;
         if !task.wants(RADII[axle]) {
             continue;
         }
-        session.estimate_judged(RADII[axle], fit, radius_limits(0.0), found);
-        if std > 0.5 * machine.radius_std * radius {
+        session.estimate_judged(RADII[axle], fit, radius_limits(task, radius * extra_std[axle]), found);
+        // How the estimates change with a cause is asked for whether or not they are worth something by themselves.
+        if !task.coarse && std > 0.5 * machine.radius_std * radius {
             kept = false;
             session.retract(RADII[axle], "neither coasting nor changing torque shows it");
         }
     }
-    if kept { keep_given_radii(stage, machine, given.radius, session) } else { Ok(()) }
+    if kept { keep_given_radii(task, stage, machine, given.radius, session) } else { Ok(()) }
 }
 
 fn relatively_known(name: &str, session: &Session) -> bool {
@@ -284,10 +368,12 @@ fn judged(systematic_std: f64) -> Judgement {
     Judgement { limits, systematic_std, ..Judgement::default() }
 }
 
-/// A radius matters for the slip: half a per cent is no knowledge.
-fn radius_limits(systematic_std: f64) -> Judgement {
+/// A radius matters for the slip: half a per cent is no knowledge. It is as large as the speed says, whose gain is in its
+/// interval and none of the slip's business.
+fn radius_limits(task: &Task, systematic_std: f64) -> Judgement {
     let usual = judged(systematic_std);
-    Judgement { limits: Limits { relative_error: 0.005, ..usual.limits }, ..usual }
+    let relative_error = 0.005_f64.hypot(1.1 * task.quality("speed").gain);
+    Judgement { limits: Limits { relative_error, ..usual.limits }, ..usual }
 }
 
 fn record(fit: Fitted, extra_std: [f64; 3], session: &mut Session) {
@@ -350,6 +436,7 @@ fn without_height(
 /// The log does not contradict the given radii, which were measured better than half a minute of
 /// driving can: they stay, and so does the uncertainty that the log alone would leave.
 fn keep_given_radii(
+    task: &Task,
     stage: &Slip,
     mut machine: Machine,
     given: [f64; 2],
@@ -364,7 +451,7 @@ fn keep_given_radii(
     let extra = std::array::from_fn(|i| (joint[i] * joint[i] - alone[i] * alone[i]).max(0.0).sqrt());
     record(fit, extra, session);
     for axle in 0..2 {
-        session.estimate_judged(RADII[axle], fit, radius_limits(radii[axle]), move |_| given[axle]);
+        session.estimate_judged(RADII[axle], fit, radius_limits(task, radii[axle]), move |_| given[axle]);
     }
     session.note("the log agrees with the given rolling radii, which were kept");
     Ok(())
@@ -377,7 +464,7 @@ fn validate(task: &Task) -> Vec<Prediction> {
     let mut predictions = Vec::new();
     for log in task.logs {
         let Ok(run) = Run::new(log, &machine) else { continue };
-        let late = task.known.delay(&log.source, "speed");
+        let [late, apart] = ["speed", WHEEL_SPEEDS[0]].map(|channel| task.known.delay(&log.source, channel));
         let steps = run.steps(WINDOW);
         let mut traces = ["slip speed, front axle", "slip speed, rear axle"].map(|name| Trace {
             name: name.to_owned(),
@@ -388,11 +475,12 @@ fn validate(task: &Task) -> Vec<Prediction> {
         for (index, times) in log.time.chunks_exact(steps).enumerate() {
             let (mut measured, mut predicted) = ([0.0; 2], [0.0; 2]);
             for k in index * steps..(index + 1) * steps {
-                let (sample, speed) = (&run.samples[k], run.speed(k, late));
+                let sample = &run.samples[k];
                 let Balance { load_row, traction, .. } = sample.balance(&machine);
                 for axle in 0..2 {
                     let (g, radius) = (load_row[axle], machine.radius[axle]);
                     let load = g[0] + g[1] * lambda + g[2] * height;
+                    let speed = run.speed(k, late + SHARE_APART[axle] * apart);
                     let sigma = traction[axle] / (radius * stiffness * load);
                     measured[axle] += (radius * sample.wheel[axle] - speed) / steps as f64;
                     predicted[axle] += sigma * sample.speed.abs() / steps as f64;

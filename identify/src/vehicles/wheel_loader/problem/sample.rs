@@ -6,6 +6,10 @@ use crate::problem::{FitError, Known};
 use wheelstate::estimator::wheel_loader::Parameters;
 use wheelstate::model::wheel_loader::{Drive, GRAVITY, Loader, WheelLoader};
 
+/// Share of `tau_fr`, by which the front wheel speed is later than the rear one, in how late the speed is against that of
+/// each axle.
+pub const SHARE_APART: [f64; 2] = [-0.5, 0.5];
+
 /// What is known of the machine, and of its logs' clocks.
 #[derive(Clone, Debug)]
 pub struct Machine {
@@ -25,6 +29,10 @@ pub struct Machine {
     pub late: Vec<f64>,
     /// What is known of that beforehand, standard deviation, s.
     pub late_std: f64,
+    /// How late the front wheel speed of each log is against the rear one, s: about which is linearised.
+    pub apart: Vec<f64>,
+    /// What is known of that beforehand, standard deviation, s.
+    pub apart_std: f64,
 }
 
 impl Machine {
@@ -39,7 +47,15 @@ impl Machine {
             unknowns: [known.get(STIFFNESS), known.get(RATIO), known.get(HEIGHT)],
             late: vec![0.0; logs],
             late_std: 0.0,
+            apart: vec![0.0; logs],
+            apart_std: 0.0,
         }
+    }
+
+    /// How late the speed of a log is against the wheel speed of an axle, s: `tau - tau_fr/2` of the front one and
+    /// `tau + tau_fr/2` of the rear one.
+    pub fn late_against(&self, log: usize, axle: usize) -> f64 {
+        self.late[log] + SHARE_APART[axle] * self.apart[log]
     }
 
     /// Smooth sign `s(v)` of a speed.

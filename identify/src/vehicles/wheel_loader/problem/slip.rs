@@ -1,6 +1,6 @@
 //! Stage 2: slip stiffness and centre of gravity from the torque at the slip.
 
-use super::sample::{Balance, Machine, Run};
+use super::sample::{Balance, Machine, Run, SHARE_APART};
 use crate::log::Log;
 use crate::problem::{FitError, Fitted, Known, Session};
 use crate::solve::{Affine, Constraint, Regression, Rows, Unknown};
@@ -40,19 +40,21 @@ impl Slip<'_> {
     ) -> Result<Option<Fitted>, FitError> {
         let mut fit = None;
         for _ in 0..PASSES {
-            let before = machine.late.clone();
+            let before = [machine.late.clone(), machine.apart.clone()];
             fit = session.solve(&slip_balance(self.logs, machine, radii, height, true, self.stride), self.names)?;
             let Some(found) = fit else { break };
             let theta = &session.solution(found).theta;
             machine.unknowns = [theta[0], theta[1] / theta[0], theta[2] / theta[0]];
-            machine.late = before.iter().zip(&theta[SHARED..]).map(|(late, x)| late + x / theta[0]).collect();
+            let after = |before: &[f64], x: &[f64]| before.iter().zip(x).map(|(late, x)| late + x / theta[0]).collect();
+            machine.late = after(&before[0], &theta[SHARED..]);
+            machine.apart = after(&before[1], &theta[SHARED + self.logs.len()..]);
         }
         Ok(fit)
     }
 }
 
-/// Stage 2: torque as a function of slip and load, unknowns `(K, K lambda, K h, eta_f, eta_r, K tau of each log)`, from one of
-/// `stride` samples.
+/// Stage 2: torque as a function of slip and load, unknowns `(K, K lambda, K h, eta_f, eta_r, K tau of each log,
+/// K tau_fr of each log)`, from one of `stride` samples.
 fn slip_balance(
     logs: &[Run],
     machine: &Machine,
@@ -62,7 +64,7 @@ fn slip_balance(
     stride: usize,
 ) -> Regression {
     let [stiffness, lambda, given_height] = machine.unknowns;
-    let columns = SHARED + logs.len();
+    let columns = SHARED + 2 * logs.len();
     let mut rows = Rows::new("slip", "N.m", columns);
     let mut noise = vec![0.0; (columns + 1) * (columns + 1)];
     let (mut row, mut instruments) = (vec![0.0; columns], vec![0.0; columns]);
@@ -70,17 +72,16 @@ fn slip_balance(
     for (index, run) in logs.iter().enumerate() {
         row.fill(0.0);
         instruments.fill(0.0);
-        let late = machine.late[index];
+        let late = [0, 1].map(|axle| machine.late_against(index, axle));
         for (k, sample) in run.samples.iter().enumerate().step_by(stride) {
             let speed = sample.smooth;
             if speed <= SLOWEST || speed.is_nan() {
                 continue;
             }
-            let measured = run.speed(k, late);
             let Balance { load_row, traction, rate } = sample.balance(machine);
             for axle in 0..2 {
                 let radius = machine.radius[axle];
-                let slipping = radius * sample.wheel[axle] - measured;
+                let slipping = radius * sample.wheel[axle] - run.speed(k, late[axle]);
                 if slipping.abs() >= LARGEST_SLIP * speed || slipping.is_nan() {
                     continue;
                 }
@@ -94,6 +95,7 @@ fn slip_balance(
                     row[3 + axle] = speed * radius * load;
                     row[4 - axle] = 0.0;
                     row[SHARED + index] = -rate * radius * load;
+                    row[SHARED + logs.len() + index] = -SHARE_APART[axle] * rate * radius * load;
                 };
                 fill(&mut row, slipping);
                 let id = first + run.cluster(k + 1);
@@ -121,9 +123,9 @@ fn slip_balance(
 /// The unknowns of stage 2 with what is known of them, and the ranges of share and height.
 fn unknowns(machine: &Machine, radii: &Radii, height: Option<(f64, f64)>) -> (Vec<Unknown>, Vec<Constraint>) {
     let stiffness = machine.unknowns[0];
-    let delay = |late: &f64| {
-        let std = machine.late_std.max(late.abs()).max(FIXED);
-        Unknown::free("K tau").with_prior(-stiffness * late, stiffness * std)
+    let delay = |name: &str, late: f64, std: f64| {
+        let std = std.max(late.abs()).max(FIXED);
+        Unknown::free(name).with_prior(-stiffness * late, stiffness * std)
     };
     let eta = |axle: usize| {
         let (given, std) = ((radii.given[axle] / machine.radius[axle]).ln(), radii.std[axle]);
@@ -147,7 +149,8 @@ fn unknowns(machine: &Machine, radii: &Radii, height: Option<(f64, f64)>) -> (Ve
         eta(0),
         eta(1),
     ];
-    unknowns.extend(machine.late.iter().map(delay));
+    unknowns.extend(machine.late.iter().map(|late| delay("K tau", *late, machine.late_std)));
+    unknowns.extend(machine.apart.iter().map(|late| delay("K tau_fr", *late, machine.apart_std)));
     (unknowns, constraints)
 }
 
