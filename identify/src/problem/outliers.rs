@@ -7,7 +7,7 @@ use std::borrow::Cow;
 const REACH: f64 = 0.1;
 const THRESHOLD: f64 = 4.0;
 
-/// Share of outliers from which on they are worth a note.
+/// Share of outliers in a channel from which on they are worth a note.
 const MANY: f64 = 0.01;
 
 /// The logs with the outliers of these channels replaced, see [`hampel`], and a note on each log that had many.
@@ -18,17 +18,20 @@ pub fn replaced<'a>(logs: &'a [Log], channels: &[&str]) -> (Cow<'a, [Log]>, Vec<
     let (mut logs, mut notes) = (logs.to_vec(), Vec::new());
     for log in &mut logs {
         let period = log.period();
-        let (mut count, mut all) = (0, 0);
+        let (mut count, mut all, mut names) = (0, 0, Vec::new());
         for channel in log.channels.iter_mut().filter(|channel| channels.contains(&channel.name.as_str())) {
-            count += hampel(&mut channel.values, period);
-            all += channel.values.len();
+            let (outliers, samples) = (hampel(&mut channel.values, period), channel.values.len());
+            if outliers as f64 > MANY * samples as f64 {
+                count += outliers;
+                all += samples;
+                names.push(channel.name.as_str());
+            }
         }
-        let share = count as f64 / all.max(1) as f64;
-        if share > MANY {
+        if !names.is_empty() {
             notes.push(format!(
                 "{:.1} % of the samples of {} in {} were outliers and were replaced by the median around them",
-                100.0 * share,
-                channels.join(", "),
+                100.0 * count as f64 / all as f64,
+                names.join(", "),
                 log.source
             ));
         }
@@ -52,7 +55,7 @@ pub fn hampel(x: &mut [f64], period: f64) -> usize {
     };
     raw.iter().take(reach).for_each(|value| enter(&mut around, *value));
     let mut deviations = Vec::with_capacity(2 * reach + 2);
-    let mut replaced = 0;
+    let (mut replaced, mut moving) = (0, None);
     for (i, value) in x.iter_mut().enumerate() {
         if let Some(ahead) = raw.get(i + reach) {
             enter(&mut around, *ahead);
@@ -71,8 +74,14 @@ pub fn hampel(x: &mut [f64], period: f64) -> usize {
         if around.iter().filter(|other| (**other - centre).abs() < near).count() < n / 2 {
             continue;
         }
-        let spread = median(&mut deviations, around.iter().map(|v| (v - centre).abs())).unwrap_or(0.0);
-        // A signal that hardly ever moves has no spread to judge by.
+        let mut spread = median(&mut deviations, around.iter().map(|v| (v - centre).abs())).unwrap_or(0.0);
+        // A counter at rest has no spread to judge by, but how it moves elsewhere.
+        if spread == 0.0 && away > 0.0 {
+            spread = *moving.get_or_insert_with(|| {
+                let steps = raw.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
+                reach as f64 * median(&mut Vec::new(), steps).unwrap_or(0.0)
+            });
+        }
         if spread > 0.0 && away > THRESHOLD * 1.4826 * spread {
             *value = centre;
             replaced += 1;
@@ -112,5 +121,12 @@ mod tests {
         let mut still = vec![1.0; 50];
         still[3] = 1.1;
         assert_eq!(hampel(&mut still, 0.01), 0);
+        // A counter that stands, then moves, and is wrong once in either: a spike; its start is none.
+        let moving = |i: usize| 0.02 * i.saturating_sub(100) as f64;
+        let mut counter: Vec<f64> = (0..200).map(moving).collect();
+        counter[50] += 30.0;
+        counter[150] -= 30.0;
+        assert_eq!(hampel(&mut counter, 0.01), 2);
+        assert!(counter.iter().enumerate().all(|(i, value)| (value - moving(i)).abs() < 0.03));
     }
 }

@@ -2,8 +2,8 @@
 //!
 //! Force and moment balance in weak form, in one convex program with physical consistency:
 //! `M, D, Fc, IP, B, tauc, ML >= 0`, `ML <= L M` for a lever of at most [`LONGEST_LEVER`], and
-//! `Ic = IP - ML^2 / M >= 0` as the second-order cone `(IP + M, 2 ML, IP - M)`. Outliers of the
-//! accelerometer are removed sample by sample before the windows, see [`outliers`](crate::problem::outliers).
+//! `Ic = IP - ML^2 / M >= 0` as the second-order cone `(IP + M, 2 ML, IP - M)`. Outliers are removed
+//! sample by sample before the windows, see [`outliers`](crate::problem::outliers).
 //!
 //! Wheel radius, encoder geometry, accelerometer position and the wheels' spin inertia are known
 //! parameters. What is weak by nature: drag, yaw drag and yaw friction are small shares of the force; a
@@ -22,8 +22,10 @@ use wheelstate::Variables;
 use wheelstate::estimator::wheelchair::Parameters;
 
 /// The problem.
-pub const PROBLEM: Problem =
-    Problem { targets, outliers: &["accel_x", "accel_y"], estimate, validate: validate::validate };
+pub const PROBLEM: Problem = Problem { targets, outliers: &SPIKED, estimate, validate: validate::validate };
+
+/// A window of a second is nothing but outliers of its channels where one sample in a hundred is one.
+const SPIKED: [&str; 6] = ["accel_x", "accel_y", "encoder_left", "encoder_right", "drive_force", "drive_moment"];
 
 /// Longest plausible lever from the driven axle to the centre of mass, m.
 pub const LONGEST_LEVER: f64 = 1.0;
