@@ -374,6 +374,16 @@ pub struct Trace {
 }
 
 impl FitReport {
+    /// [`solver_status`](Self::solver_status) in words.
+    pub(crate) fn solver_words(&self) -> &str {
+        match self.solver_status.as_str() {
+            "Solved" => "exactly",
+            "AlmostSolved" => "less exactly than the intervals say",
+            "not run" => "nothing",
+            other => other,
+        }
+    }
+
     /// Whether there is something that the user must know: the condition of exit code 1.
     pub fn has_warnings(&self) -> bool {
         let of_no_use =

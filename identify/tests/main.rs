@@ -10,6 +10,7 @@ mod cli;
 mod convert;
 mod coverage;
 mod design;
+mod messages;
 mod profile;
 mod ranges;
 mod report;

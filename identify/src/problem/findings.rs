@@ -419,6 +419,10 @@ impl Findings {
             }
         };
         let product: f64 = used().map(|j| value(j).abs().powf(powers[j])).product();
+        // Powers of what is next to nothing may leave the range of numbers.
+        if !product.is_normal() {
+            return None;
+        }
         let names: Vec<String> = used().map(factor).collect();
         let percent = 100.0 * std(&powers);
         let digits = (3 - product.abs().log10().floor() as i32).clamp(0, 9) as usize;

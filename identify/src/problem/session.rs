@@ -204,7 +204,11 @@ impl<'a> Session<'a> {
     /// Keeps a solution that was made elsewhere.
     pub fn keep(&mut self, solution: Solution) -> Fitted {
         if solution.accuracy == Accuracy::AlmostSolved {
-            self.warn(format!("{}: the conic solver reached only its reduced accuracy", solution.name));
+            self.warn(format!(
+                "{}: the logs hardly tell its unknowns apart, and they end at the edge of what is physically possible: the \
+                 values are less exact than their intervals say",
+                solution.name
+            ));
         }
         let mut solution = solution;
         let fit = self.solutions.len();

@@ -112,7 +112,7 @@ fn quality(report: &FitReport, text: &mut String) {
         let _ = writeln!(text, "condition number   {}", significant(report.condition_number, 3));
     }
     if !report.solver_status.is_empty() {
-        let _ = writeln!(text, "solver             {}", report.solver_status);
+        let _ = writeln!(text, "solved             {}", report.solver_words());
     }
     if !report.validation.signals.is_empty() {
         let share = 100.0 * report.validation.held_out;

@@ -31,9 +31,15 @@ pub struct Optimum {
     pub non_negative: Vec<(f64, f64)>,
     /// Distance of each second-order cone row from the cone's surface, relative to its size.
     pub cone_margin: Vec<f64>,
+    /// Value of the dual program: no point that meets the constraints costs less.
+    pub least_cost: f64,
     /// How exactly it was solved.
     pub accuracy: Accuracy,
 }
+
+/// Cost above the minimum, in units of the noise, that no user sees: the answer is within a hundredth of a standard error,
+/// `sqrt(2 cost)` in the metric of the information.
+pub const NEGLIGIBLE: f64 = 5e-5;
 
 impl Program {
     /// Adds `count` variables and returns the index of the first.
@@ -134,7 +140,7 @@ impl Program {
             cone_margin.push((s[0] - norm) / s[0].abs().max(f64::MIN_POSITIVE));
             start += rows.len();
         }
-        Ok(Optimum { x: solution.x, non_negative, cone_margin, accuracy })
+        Ok(Optimum { x: solution.x, non_negative, cone_margin, least_cost: solution.obj_val_dual, accuracy })
     }
 }
 

@@ -1,8 +1,8 @@
 //! Compressed quadratic programs, solved by Clarabel and polished on their active set.
 
 use super::compress::Compressed;
-use super::conic::{Feasible, Optimum, Program};
-use super::{Affine, SolveError};
+use super::conic::{Feasible, NEGLIGIBLE, Optimum, Program};
+use super::{Accuracy, Affine, SolveError};
 use nalgebra::{DMatrix, DVector};
 
 /// The minimiser of a small quadratic program.
@@ -13,7 +13,7 @@ pub struct Minimum {
     /// Which half spaces are active.
     pub active: Vec<bool>,
     /// How exactly Clarabel solved it.
-    pub accuracy: super::Accuracy,
+    pub accuracy: Accuracy,
 }
 
 /// Minimises `1/2 |R z - d|^2 + g'z` over the feasible set: directly where that is allowed, else Clarabel, then [`polish`].
@@ -33,7 +33,7 @@ pub fn quadratic(name: &str, data: &Compressed, g: &[f64], feasible: &Feasible) 
     {
         z.iter_mut().for_each(|z| *z *= reach);
         let active = vec![false; feasible.half_spaces.len()];
-        return Ok(Minimum { z, active, accuracy: super::Accuracy::Solved });
+        return Ok(Minimum { z, active, accuracy: Accuracy::Solved });
     }
     let mut program = Program::default();
     let z = program.add(g.len());
@@ -46,7 +46,14 @@ pub fn quadratic(name: &str, data: &Compressed, g: &[f64], feasible: &Feasible) 
         terms.push((r + i, -1.0));
         program.zero(Affine { terms, constant: -unit.d[i] });
     }
-    let mut minimum = polish(&program.solve(name)?, &unit, &slope, &feasible);
+    let optimum = program.solve(name)?;
+    let mut minimum = polish(&optimum, &unit, &slope, &feasible);
+    // What an answer of reduced accuracy costs too much, in units of the noise, says whether that matters.
+    let z = DVector::from_column_slice(&minimum.z);
+    let cost = 0.5 * (&unit.r * &z - &unit.d).norm_squared() + z.dot(&DVector::from_column_slice(&slope));
+    if (cost - optimum.least_cost).abs() * (rate * reach).powi(2) < NEGLIGIBLE {
+        minimum.accuracy = Accuracy::Solved;
+    }
     minimum.z.iter_mut().for_each(|z| *z *= reach);
     Ok(minimum)
 }
