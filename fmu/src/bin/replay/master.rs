@@ -66,23 +66,28 @@ pub fn run(path: &Path, log: &Log, settings: &[String], progress: &Progress) -> 
     instance.exit_initialization_mode().map_err(|error| refused("initialisation", error))?;
 
     let outputs: Vec<_> = entries.iter().filter(|entry| entry.causality == Causality::Output).collect();
-    let channel = |entry: &&Entry| Channel { name: entry.name.clone(), values: Vec::with_capacity(log.len() + 1) };
-    let mut result = Log { channels: outputs.iter().map(channel).collect(), ..Log::default() };
-    record(&mut instance, &outputs, start, &mut result)?;
+    let mut time = vec![start];
+    let mut columns = vec![Vec::with_capacity(log.len() + 1); outputs.len()];
+    record(&mut instance, &outputs, &mut columns)?;
     progress.start("running the FMU", log.len() as u64);
     let last = period(log);
-    for (row, &time) in log.time.iter().enumerate() {
+    for (row, &begin) in log.time.iter().enumerate() {
         apply(&mut instance, &inputs, log, row)?;
-        let end = log.time.get(row + 1).copied().unwrap_or(time + last);
-        instance.do_step(time, end - time, true).map_err(|error| format!("{}: {}", place(log, row), reason(error)))?;
-        record(&mut instance, &outputs, end, &mut result)?;
+        let end = log.time.get(row + 1).copied().unwrap_or(begin + last);
+        instance
+            .do_step(begin, end - begin, true)
+            .map_err(|error| format!("{}: {}", place(log, row), reason(error)))?;
+        time.push(end);
+        record(&mut instance, &outputs, &mut columns)?;
         if row % STRIDE == STRIDE - 1 {
             progress.advance(STRIDE as u64);
         }
     }
     progress.finish();
     instance.terminate().map_err(|error| refused("end", error))?;
-    Ok(result)
+    let channel = |(entry, values): (&&Entry, Vec<f64>)| Channel { name: entry.name.clone(), values: values.into() };
+    let channels = outputs.iter().zip(columns).map(channel).collect();
+    Ok(Log { time: time.into(), channels, ..Log::default() })
 }
 
 /// The median time between two rows, s.
@@ -177,9 +182,8 @@ fn apply(instance: &mut InstanceCS, inputs: &[(&Entry, usize)], log: &Log, row: 
     Ok(())
 }
 
-fn record(instance: &mut InstanceCS, outputs: &[&Entry], time: f64, result: &mut Log) -> Result<(), String> {
-    result.time.push(time);
-    for (entry, channel) in outputs.iter().zip(&mut result.channels) {
+fn record(instance: &mut InstanceCS, outputs: &[&Entry], columns: &mut [Vec<f64>]) -> Result<(), String> {
+    for (entry, column) in outputs.iter().zip(columns) {
         let (mut real, mut whole) = ([0.0], [0]);
         let got = match entry.class {
             Class::Real => instance.get_real(&[entry.reference], &mut real),
@@ -187,7 +191,7 @@ fn record(instance: &mut InstanceCS, outputs: &[&Entry], time: f64, result: &mut
             Class::Boolean => instance.get_boolean(&[entry.reference], &mut whole),
         };
         got.map_err(|error| format!("{}: {}", entry.name, reason(error)))?;
-        channel.values.push(if entry.class == Class::Real { real[0] } else { f64::from(whole[0]) });
+        column.push(if entry.class == Class::Real { real[0] } else { f64::from(whole[0]) });
     }
     Ok(())
 }
