@@ -151,6 +151,12 @@ fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
             // Any delay that would not show may be there, as well as the noise that the open fit has.
             let wider = 1.0_f64.hypot(SHOWS / 3.0_f64.sqrt());
             names.into_iter().zip(stds).for_each(|(name, std)| session.widen(name, wider * std));
+            if !task.coarse {
+                session.note(
+                    "no delay shows between the wheel speeds and the speed; the intervals contain what would not have shown: if \
+                     they have one clock, --sensor wheel_speed.delay_std=0 and --sensor speed.delay_std=0 say so",
+                );
+            }
             fit
         }
         None => without_delay(task, &stage, machine, &given, &radii, session)?,
