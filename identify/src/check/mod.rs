@@ -13,9 +13,11 @@
 //! relation speaks only where the log excites it: silence is no proof that a channel is right.
 
 pub mod channel;
+mod gram;
 pub mod relation;
 mod signals;
 pub mod time;
+mod window;
 
 pub use crate::finding::{Finding, Severity};
 pub use relation::{Gain, Relation, Side, Term};

@@ -13,13 +13,13 @@
 //! variance is the delay. Its standard error is the jackknife's over the blocks of the log, which needs no model of the
 //! noise: a delay that is one shows in all parts of a log alike.
 
+use super::gram::Gram;
+use super::window::Filter;
 use super::{Finding, Severity, Signals, finding, short};
 use crate::log::{Log, Series};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Half width of the window that all signals pass, s; in samples at least 2.
-const HALF_WINDOW: f64 = 0.15;
 /// Largest delay that is looked for, s, and in samples at least.
 const REACH: (f64, usize) = (0.6, 5);
 /// Time between two lags, s.
@@ -150,102 +150,6 @@ impl Relation {
     }
 }
 
-/// Sums of products of `[x_1 .. x_n, y]` over a block, about the block's means if the relation has constants.
-#[derive(Debug)]
-struct Gram {
-    n: usize,
-    count: f64,
-    sums: Vec<f64>,
-    products: Vec<f64>,
-}
-
-impl Clone for Gram {
-    fn clone(&self) -> Self {
-        Self { n: self.n, count: self.count, sums: self.sums.clone(), products: self.products.clone() }
-    }
-
-    /// Without new memory: every block of a log leaves each lag's sums once.
-    fn clone_from(&mut self, other: &Self) {
-        (self.n, self.count) = (other.n, other.count);
-        self.sums.clone_from(&other.sums);
-        self.products.clone_from(&other.products);
-    }
-}
-
-impl Gram {
-    fn new(n: usize) -> Self {
-        Self { n, count: 0.0, sums: vec![0.0; n], products: vec![0.0; n * n] }
-    }
-
-    fn centred(mut self) -> Self {
-        for i in 0..self.n {
-            for j in 0..=i {
-                self.products[i * self.n + j] -= self.sums[i] * self.sums[j] / self.count.max(1.0);
-            }
-        }
-        self
-    }
-
-    fn add(&mut self, other: &Self, sign: f64) {
-        self.count += sign * other.count;
-        self.products.iter_mut().zip(&other.products).for_each(|(sum, value)| *sum += sign * value);
-    }
-
-    fn at(&self, i: usize, j: usize) -> f64 {
-        self.products[i.max(j) * self.n + i.min(j)]
-    }
-
-    /// Becomes `of` without the part `out` of it.
-    fn assign_difference(&mut self, of: &Self, out: &Self) {
-        self.clone_from(of);
-        self.add(out, -1.0);
-    }
-
-    /// What is left of all after a regression on number `k` (a Schur complement).
-    fn without(&mut self, k: usize) {
-        let pivot = self.at(k, k);
-        if pivot <= 0.0 {
-            return;
-        }
-        for i in (0..self.n).filter(|i| *i != k) {
-            for j in (0..=i).filter(|j| *j != k) {
-                self.products[i * self.n + j] -= self.at(i, k) * self.at(j, k) / pivot;
-            }
-        }
-        (0..self.n).for_each(|i| self.products[i.max(k) * self.n + i.min(k)] = 0.0);
-    }
-
-    /// Share of `y`'s variance that the others explain; `rest` is room to work in.
-    fn explained(&self, rest: &mut Self) -> f64 {
-        rest.clone_from(self);
-        let y = self.n - 1;
-        let whole = self.at(y, y);
-        for k in 0..y {
-            // What hardly differs from the others before it would only divide by rounding errors.
-            if rest.at(k, k) > 1e-9 * self.at(k, k) {
-                rest.without(k);
-            }
-        }
-        if whole > 0.0 { 1.0 - rest.at(y, y).max(0.0) / whole } else { 0.0 }
-    }
-
-    /// Correlation of `y` with the first one, and the ratio of their sizes, both without the others.
-    fn first(&self) -> (f64, f64) {
-        let (mut rest, y) = (self.clone(), self.n - 1);
-        for k in 1..y {
-            if rest.at(k, k) > 1e-9 * self.at(k, k) {
-                rest.without(k);
-            }
-        }
-        let (xx, yy) = (rest.at(0, 0), rest.at(y, y));
-        if xx > 1e-9 * self.at(0, 0) && yy > 0.0 {
-            (rest.at(0, y) / (xx * yy).sqrt(), (yy / xx).sqrt())
-        } else {
-            (0.0, f64::NAN)
-        }
-    }
-}
-
 /// What the sums say.
 #[derive(Clone, Copy, Debug)]
 pub struct Answer {
@@ -265,107 +169,6 @@ pub struct Answer {
     pub delay: f64,
     /// Standard error of the delay, s.
     pub delay_std: f64,
-}
-
-/// A window and its derivatives: taps on samples around the middle, for values, slopes and curvatures that belong
-/// together.
-fn taps(half: usize, period: f64, order: usize) -> Vec<f64> {
-    let n = half as f64 + 1.0;
-    let weight = |i: usize| {
-        let away = (i as f64 - half as f64) / n;
-        (1.0 + (std::f64::consts::PI * away).cos()) / (2.0 * n)
-    };
-    let smooth: Vec<f64> = (0..=2 * half).map(weight).collect();
-    // A mean over two steps is what a central difference averages over.
-    let stencil = match order {
-        0 => [0.25, 0.5, 0.25],
-        1 => [-0.5 / period, 0.0, 0.5 / period],
-        _ => [1.0 / (period * period), -2.0 / (period * period), 1.0 / (period * period)],
-    };
-    let mut taps = vec![0.0; smooth.len() + 2];
-    for (i, weight) in smooth.iter().enumerate() {
-        (0..3).for_each(|k| taps[i + k] += weight * stencil[k]);
-    }
-    taps
-}
-
-/// Values of a term that are worked out together: the processor keeps them in its registers.
-const CHUNK: usize = 16;
-
-/// A term through its window, one value every `stride` samples; NaN where a sample is missing.
-struct Filter<'a> {
-    /// Samples and the taps on them.
-    parts: Vec<(&'a [f64], Vec<f64>)>,
-    stride: usize,
-}
-
-impl<'a> Filter<'a> {
-    fn new(term: &'a Term, half: usize, period: f64, stride: usize) -> Self {
-        let parts = term.parts.iter().map(|(values, order)| (values.as_slice(), taps(half, period, *order)));
-        Self { parts: parts.collect(), stride }
-    }
-
-    /// Number of values.
-    fn len(&self) -> usize {
-        let (values, taps) = &self.parts[0];
-        (values.len() + 1).saturating_sub(taps.len()).div_ceil(self.stride)
-    }
-
-    /// The values from number `from` on. Those of a chunk grow tap by tap side by side, each in the order of its window.
-    fn fill(&self, from: usize, to: &mut [f64]) {
-        let mut first = from * self.stride;
-        for chunk in to.chunks_mut(CHUNK) {
-            for (number, (values, taps)) in self.parts.iter().enumerate() {
-                let sums = if chunk.len() == CHUNK && self.stride == 1 {
-                    side_by_side(&values[first..], taps)
-                } else {
-                    self.one_by_one(&values[first..], taps, chunk.len())
-                };
-                if number == 0 {
-                    chunk.copy_from_slice(&sums[..chunk.len()]);
-                } else {
-                    chunk.iter_mut().zip(sums).for_each(|(value, sum)| *value += sum);
-                }
-            }
-            first += chunk.len() * self.stride;
-        }
-    }
-
-    fn one_by_one(&self, values: &[f64], taps: &[f64], count: usize) -> [f64; CHUNK] {
-        let mut sums = [0.0; CHUNK];
-        let windows = values.windows(taps.len()).step_by(self.stride);
-        for (sum, window) in sums[..count].iter_mut().zip(windows) {
-            *sum = window.iter().zip(taps).map(|(value, weight)| value * weight).sum();
-        }
-        sums
-    }
-}
-
-/// The sums of neighbouring windows.
-fn side_by_side(values: &[f64], taps: &[f64]) -> [f64; CHUNK] {
-    // An empty sum is -0.
-    let mut sums = [-0.0; CHUNK];
-    for (samples, weight) in values.windows(CHUNK).zip(taps) {
-        sums.iter_mut().zip(samples).for_each(|(sum, value)| *sum += value * weight);
-    }
-    sums
-}
-
-/// The first derivative of a term through the window at every sample; missing at both ends.
-pub(super) fn slope(term: &Term, period: f64) -> Vec<f64> {
-    let half = ((HALF_WINDOW / period).round() as usize).max(2);
-    let length = term.parts.first().map_or(0, |(values, _)| values.len());
-    let mut slope = vec![f64::NAN; length];
-    let once =
-        Term { parts: term.parts.iter().map(|(values, order)| (values.clone(), order + 1)).collect(), ..term.clone() };
-    if length > 0 {
-        let filter = Filter::new(&once, half, period, 1);
-        let count = filter.len();
-        if count > 0 {
-            filter.fill(0, &mut slope[half + 1..][..count]);
-        }
-    }
-    slope
 }
 
 /// What stands within `reach` of increasing numbers, as ranges that do not touch.
@@ -435,11 +238,10 @@ pub fn answer(signals: &Signals, relation: &Relation) -> Option<Answer> {
     if !(period.is_finite() && period > 0.0) {
         return None;
     }
-    let half = ((HALF_WINDOW / period).round() as usize).max(2);
     let stride = ((LAG / period).round() as usize).max(1);
     let step = period * stride as f64;
     let terms: Vec<&Term> = relation.x.iter().chain([&relation.y]).collect();
-    let filters: Vec<Filter> = terms.iter().map(|term| Filter::new(term, half, period, stride)).collect();
+    let filters: Vec<Filter> = terms.iter().map(|term| Filter::new(&term.parts, period, stride)).collect();
     let n = terms.len();
     let count = filters[0].len();
     let reach = ((REACH.0 / step).round() as usize).max(REACH.1);

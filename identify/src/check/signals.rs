@@ -103,7 +103,7 @@ impl<'a> Signals<'a> {
 
     /// The smoothed slope of a signal, as a signal of its own that can be multiplied.
     pub fn slope(&self, term: &Term) -> Term {
-        let values = super::relation::slope(term, self.period).into();
+        let values = super::window::slope(&term.parts, self.period).into();
         Term { channels: term.channels.clone(), parts: vec![(values, 0)], side: Side::Model }
     }
 }
