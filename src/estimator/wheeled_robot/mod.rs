@@ -100,8 +100,8 @@
 //! | multi-body car: slides on slippery ground | 0.908 | 0.93 | 0.46 | 0.000 | 0.216 |
 //!
 //! Four wheels that spin, no torques measured, no `tire.combined`: `speed_y` is healthy and beyond 3 std in 0.1 % (1.9 % where the
-//! model's lack of the friction ellipse did not count). With a centre of gravity 5 cm of 80 off and known tyres `speed_y` was healthy and beyond 3 std in a third of the samples, and in none
-//! now (`wheeled_robot::parameters`).
+//! model's lack of the friction ellipse did not count). With a centre of gravity 5 cm of 80 off and known tyres `speed_y` was
+//! healthy and beyond 3 std in a third of the samples, and in none now (`wheeled_robot::parameters`).
 //!
 //! # Sources and errata
 //! Patent CN117406607B, claim 1: planar model (step 1), sliding-mode observer (step 2), square-root cubature filter

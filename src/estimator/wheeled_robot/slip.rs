@@ -2,7 +2,7 @@
 //!
 //! The slip that a force needs is an error of a constant ([`super::wheel_speed`]). Beyond the friction no force tells the slip.
 //! It shows beside the accelerometer, with which Imsland et al. (*Vehicle velocity estimation using nonlinear observers*,
-//! Automatica 42, 2006) carry the speed on while a slipping wheel's speed has little gain: over a window `T` the wheels gain on the
+//! Automatica 42, 2006, 2091-2103) carry the speed on while a slipping wheel's speed has little gain: over a window `T` the wheels gain on the
 //! vehicle what the acceleration `a` does not explain,
 //!
 //! ```text
