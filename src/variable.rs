@@ -41,6 +41,7 @@
 //! ```
 
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// What a value may be. Every value travels as an `f64` between the estimators and the outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,7 +64,7 @@ pub struct Variable {
     /// Name with its groups, as in `tire.front.stiffness`.
     pub name: String,
     /// What it is, in one sentence or two.
-    pub description: String,
+    pub description: Cow<'static, str>,
     /// Unit in the FMI spelling (`N.m`, `m/s2`), `1` if it has none.
     pub unit: &'static str,
     /// What its value may be.
@@ -108,11 +109,17 @@ fn spaced(unit: &str) -> String {
 
 impl Variable {
     /// A variable without flags that starts at 0. The description of a [`Kind::Code`] lists its codes.
-    pub fn new(name: String, description: &str, unit: &'static str, kind: Kind, range: (f64, f64)) -> Self {
-        let mut description = description.to_owned();
+    pub fn new(
+        name: String,
+        description: impl Into<Cow<'static, str>>,
+        unit: &'static str,
+        kind: Kind,
+        range: (f64, f64),
+    ) -> Self {
+        let mut description = description.into();
         if let Kind::Code(codes) = kind {
             for (number, word, meaning) in codes {
-                description.push_str(&format!(" {number} = {word}: {}", meaning.trim()));
+                description.to_mut().push_str(&format!(" {number} = {word}: {}", meaning.trim()));
             }
         }
         Self {
@@ -158,6 +165,14 @@ impl Variable {
     pub fn refuse(&self, value: f64, reason: impl Into<String>) -> ParameterError {
         ParameterError { name: self.name.clone(), value, unit: self.unit, reason: reason.into() }
     }
+}
+
+/// The name of a field within its groups, without the mark of a raw identifier. A machine has more than a hundred and each
+/// instance of its FMU makes them anew.
+#[doc(hidden)]
+pub fn joined(prefix: &str, field: &str) -> String {
+    let field = field.strip_prefix("r#").unwrap_or(field);
+    [prefix, field].concat()
 }
 
 /// A value or a group of values with a declaration, exchanged as a flat slice of `f64`.
@@ -300,7 +315,7 @@ impl Field for Estimate {
     fn declare_into(self, variable: Variable, list: &mut Vec<Variable>) {
         let std = Variable {
             name: format!("{}_std", variable.name),
-            description: format!("Standard deviation of {}.", variable.name),
+            description: format!("Standard deviation of {}.", variable.name).into(),
             start: self.std,
             range: (0.0, f64::INFINITY),
             ..variable.clone()
@@ -483,14 +498,14 @@ macro_rules! variables {
         <$type as $crate::variable::Variables>::declare_into($prefix, $list);
     };
     (@declare $prefix:ident, $list:ident, [] $field:ident, $type:ty, $doc:expr) => {
-        let prefix = format!("{}{}.", $prefix, stringify!($field).trim_start_matches("r#"));
+        let prefix = $crate::variable::joined($prefix, concat!(stringify!($field), "."));
         <$type as $crate::variable::Variables>::declare_into(&prefix, $list);
     };
     (@declare $prefix:ident, $list:ident, [] $field:ident, $type:ty, $doc:expr,
         $start:expr, $unit:literal, [$($low:expr, $high:expr)?], [$($flag:ident)*]) => {
         #[allow(unused_mut)]
         let mut variable = $crate::variable::Variable::new(
-            format!("{}{}", $prefix, stringify!($field).trim_start_matches("r#")),
+            $crate::variable::joined($prefix, stringify!($field)),
             $doc.trim(),
             $unit,
             <$type as $crate::variable::Field>::KIND,

@@ -5,6 +5,7 @@
 //! stand those that every FMU has for its host: [`missing_value`](NO_VALUE) and a switch per sensor.
 
 use crate::machine::{Machine, Typed};
+use std::borrow::Cow;
 use wheelstate::estimator::{Visitor, visit_all};
 use wheelstate::parameter_set::number;
 use wheelstate::variable::Kind;
@@ -127,7 +128,7 @@ pub fn shown_start(variable: &Variable) -> f64 {
 /// What every FMU adds for its host to the parameters of its estimator, with the inputs that the switches belong to.
 /// A model that declares switches of its own, `use.<sensor>`, gets no others.
 fn host_parameters(own: &[Variable], inputs: &[Variable]) -> (Vec<Variable>, Vec<usize>) {
-    let parameter = |name: String, description: &str, kind, start, range| Variable {
+    let parameter = |name: String, description: Cow<'static, str>, kind, start, range| Variable {
         start,
         tunable: true,
         ..Variable::new(name, description, "1", kind, range)
@@ -135,13 +136,13 @@ fn host_parameters(own: &[Variable], inputs: &[Variable]) -> (Vec<Variable>, Vec
     let about =
         "Number that means \"no sample\" in an input that may be missing, for hosts without NaN; 1e300: there is none.";
     let any = (f64::NEG_INFINITY, f64::INFINITY);
-    let mut list = vec![parameter("missing_value".to_owned(), about, Kind::Real, NO_VALUE, any)];
+    let mut list = vec![parameter("missing_value".to_owned(), about.into(), Kind::Real, NO_VALUE, any)];
     let mut switched = Vec::new();
     if !own.iter().any(|variable| variable.name.starts_with("use.")) {
         for (index, input) in inputs.iter().enumerate().filter(|(_, input)| input.may_be_missing()) {
             let name = &input.name;
             let about = format!("Whether samples of {name} are used; if not, it is missing whatever the host sets.");
-            list.push(parameter(format!("use.{name}"), &about, Kind::Boolean, 1.0, (0.0, 1.0)));
+            list.push(parameter(format!("use.{name}"), about.into(), Kind::Boolean, 1.0, (0.0, 1.0)));
             switched.push(index);
         }
     }

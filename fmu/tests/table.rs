@@ -139,7 +139,7 @@ fn the_guid_tells_interface_from_start_values() {
     assert_eq!(plain[..19], baked[..19]);
     assert_ne!(plain[19..], baked[19..]);
     let mut changed = model.clone();
-    changed.outputs[0].description.push('!');
+    changed.outputs[0].description.to_mut().push('!');
     assert_ne!(guid::of(&changed)[..19], plain[..19]);
     assert_eq!(guid::of(&changed)[19..], plain[19..]);
     let guids: BTreeSet<_> = all().iter().map(guid::of).collect();

@@ -16,7 +16,8 @@ pub fn of(model: &Model) -> String {
 }
 
 fn hex(digest: &[u8], digits: usize) -> String {
-    digest.iter().map(|byte| format!("{byte:02x}")).collect::<String>()[..digits].to_owned()
+    let nibbles = digest.iter().flat_map(|byte| [byte >> 4, byte & 15]).take(digits);
+    nibbles.map(|nibble| char::from_digit(nibble.into(), 16).unwrap_or('0')).collect()
 }
 
 fn name_part(name: &str) -> String {
@@ -51,11 +52,8 @@ fn declared_interface_hash(model: &Model) -> u32 {
 }
 
 fn start_part(model: &Model) -> String {
-    let mut hash = Sha256::new();
-    for variable in &model.parameters {
-        hash.update(variable.start.to_bits().to_le_bytes());
-    }
-    let text = hex(&hash.finalize(), 16);
+    let starts: Vec<u8> = model.parameters.iter().flat_map(|variable| variable.start.to_bits().to_le_bytes()).collect();
+    let text = hex(&Sha256::digest(&starts), 16);
     format!("{}-{}", &text[..4], &text[4..])
 }
 

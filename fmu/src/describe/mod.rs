@@ -128,7 +128,7 @@ fn write_types(text: &mut String, model: &Model) {
 
 /// The description with what a user of this variable must know besides.
 pub fn description(variable: &Variable) -> String {
-    let mut text = variable.description.clone();
+    let mut text = variable.description.to_string();
     // a description that speaks of it itself says more
     if variable.may_be_missing() && !text.contains("NaN") && !text.contains("missing") {
         text.push_str(if variable.held { " NaN: the last value holds." } else { " NaN: no sample at this instant." });

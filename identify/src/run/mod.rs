@@ -292,7 +292,7 @@ impl ChannelTrace {
 
     fn columns(self) -> [Column; 3] {
         let Self { name, unit, .. } = self;
-        let column = |name: String, about: &str, values| {
+        let column = |name: String, about: &'static str, values| {
             let any = (f64::NEG_INFINITY, f64::INFINITY);
             Column { variable: Variable::new(name, about, unit, Kind::Real, any), values }
         };

@@ -210,7 +210,7 @@ impl<E: Estimator> Smoother<'_, E> {
             let [value, std] = smoothed;
             let variable = &filtered[0].variable;
             let of = |name: String, about: String, values| Column {
-                variable: Variable::new(name, &about, variable.unit, Kind::Real, (f64::NEG_INFINITY, f64::INFINITY)),
+                variable: Variable::new(name, about, variable.unit, Kind::Real, (f64::NEG_INFINITY, f64::INFINITY)),
                 values,
             };
             let name = format!("{}_smoothed", variable.name);

@@ -116,13 +116,13 @@ impl List<'_> {
     /// A measured input.
     fn measured(&mut self, name: &str, about: &str, unit: &'static str, limit: f64) {
         let name = format!("{}{name}", self.prefix);
-        let variable = Variable::new(name, about, unit, Kind::Real, (-limit, limit));
+        let variable = Variable::new(name, about.to_owned(), unit, Kind::Real, (-limit, limit));
         self.list.push(Variable { start: f64::NAN, measured: true, ..variable });
     }
 
     /// An estimate with its standard deviation, or a number without one.
     fn output(&mut self, name: &str, about: &str, unit: &'static str, start: impl Field) {
-        let variable = Variable::new(format!("{}{name}", self.prefix), about, unit, Kind::Real, ANY);
+        let variable = Variable::new(format!("{}{name}", self.prefix), about.to_owned(), unit, Kind::Real, ANY);
         start.declare_into(variable, self.list);
     }
 
