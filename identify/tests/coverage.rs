@@ -7,7 +7,8 @@
 //!
 //! The whole table, 20 logs per cell: `cargo test --release -p wheelstate-identify --test main coverage -- --ignored --nocapture`;
 //! with `WHEELSTATE_CELLS="wheel-loader speed"` the cells whose line holds all these words, with `WHEELSTATE_LOGS=100` so many
-//! logs in each cell, with `WHEELSTATE_SEED=500` other ones, and with `WHEELSTATE_EACH=1` the parameters one by one.
+//! logs in each cell, with `WHEELSTATE_SEED=500` other ones, and with `WHEELSTATE_EACH=1` the parameters one by one and the
+//! warnings.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -34,6 +35,8 @@ struct Machine {
     devices: &'static [&'static [&'static str]],
     /// Channels of wheels that the fit compares with each other, of which each may have a clock of its own.
     wheels: &'static [&'static str],
+    /// Other channels that may have clocks of their own.
+    parts: &'static [&'static str],
     /// Channels with a gain, channels with a bias and how large it is in each direction, a known mass.
     gain: &'static [&'static str],
     bias: &'static [(&'static str, &'static [f64])],
@@ -131,6 +134,7 @@ const MACHINES: [Machine; 5] = [
         ],
         devices: &[&["tilt", "tilt_rate"], &["roll", "roll_rate"], &["speed"], &["torque_left", "torque_right"]],
         wheels: &["speed", "torque_left"],
+        parts: &["tilt", "tilt_rate", "roll", "roll_rate", "yaw_rate", "accel_x"],
         gain: &["torque_left", "torque_right"],
         bias: &[("tilt", &[0.01]), ("accel_x", ACCELERATIONS)],
         mass: "human.nominal_mass",
@@ -142,6 +146,7 @@ const MACHINES: [Machine; 5] = [
         known: &[],
         devices: &[&["drive_force", "drive_moment"], &["accel_x", "accel_y", "accel_z", "gyro_z"]],
         wheels: &["encoder_left", "encoder_right"],
+        parts: &["drive_force", "drive_moment", "accel_x", "accel_y", "accel_z", "gyro_pitch"],
         gain: &["drive_force"],
         bias: &[("accel_x", ACCELERATIONS), ("accel_y", ACCELERATIONS)],
         mass: "chair.wheel_radius",
@@ -153,6 +158,7 @@ const MACHINES: [Machine; 5] = [
         known: &[],
         devices: &[&["speed"], &["torque_front", "torque_rear"], &["wheel_speed_front", "wheel_speed_rear"]],
         wheels: &["wheel_speed_front", "wheel_speed_rear"],
+        parts: &["torque_front", "torque_rear", "slope"],
         gain: &["torque_front", "torque_rear"],
         bias: &[("slope", &[0.005, 0.01, 0.03, 0.06])],
         mass: "loader.mass",
@@ -170,6 +176,7 @@ const MACHINES: [Machine; 5] = [
             &["drive_torque_*"],
         ],
         wheels: &["wheel_speed_fl", "wheel_speed_fr", "wheel_speed_rl", "wheel_speed_rr"],
+        parts: &["accel_x", "accel_y", "gyro_z", "speed_x", "speed_y", "drive_torque_fl", "drive_torque_rr"],
         gain: &["drive_torque_*"],
         bias: &[
             ("accel_x", ACCELERATIONS),
@@ -187,6 +194,7 @@ const MACHINES: [Machine; 5] = [
         known: &[],
         devices: &[&["q_*", "qd_*"], &["seat_*"], &["right_hand_*", "left_hand_*"], &["base_*"]],
         wheels: &[],
+        parts: &["seat_force_z", "seat_moment_y", "base_gyro_y", "base_accel_x"],
         gain: &["seat_*"],
         bias: &[("base_gyro_y", &[0.01])],
         mass: "body.mass",
@@ -218,9 +226,9 @@ fn on_a_slope(log: &mut Log, slope: f64) {
 enum Damage {
     White,
     Coloured(f64),
-    /// A device so many milliseconds.
-    Late(usize, u32),
-    /// A single channel so many milliseconds; earlier than the others if negative.
+    /// A device so many milliseconds; earlier than the others if negative.
+    Late(usize, i32),
+    /// A single channel, in the same way.
     Alone(&'static str, i32),
     Gain,
     /// A channel by so much.
@@ -239,7 +247,7 @@ enum Damage {
 
 impl Damage {
     /// The largest bias only where there are few delays.
-    fn all(machine: &Machine, delays: &[u32]) -> Vec<Self> {
+    fn all(machine: &Machine, delays: &[i32]) -> Vec<Self> {
         let mut all = vec![Self::White, Self::Drawn, Self::Coloured(0.5), Self::Coloured(0.95)];
         for device in 0..machine.devices.len() {
             all.extend(delays.iter().map(|ms| Self::Late(device, *ms)));
@@ -247,6 +255,10 @@ impl Damage {
         let alone: &[i32] = if delays.len() > 1 { &[5, 10, 20] } else { &[10] };
         for channel in machine.wheels {
             all.extend(alone.iter().flat_map(|ms| [*ms, -ms]).map(|ms| Self::Alone(channel, ms)));
+        }
+        if delays.len() > 1 {
+            let others = machine.parts.iter().flat_map(|channel| [20, -20, 50].map(|ms| Self::Alone(channel, ms)));
+            all.extend(others);
         }
         for (channel, sizes) in machine.bias {
             let sizes = if delays.len() > 1 { *sizes } else { &sizes[sizes.len() - 1..] };
@@ -265,6 +277,7 @@ impl Damage {
     fn word(self, machine: &Machine) -> String {
         match self {
             Self::Coloured(rho) => format!("AR(1) {rho}"),
+            Self::Late(device, ms) if ms < 0 => format!("{} {} ms early", machine.devices[device][0], -ms),
             Self::Late(device, ms) => format!("{} {ms} ms late", machine.devices[device][0]),
             Self::Alone(channel, ms) => format!("{channel} alone {ms:+} ms"),
             Self::Gain => format!("{} gain +2 %", machine.gain[0]),
@@ -318,9 +331,9 @@ impl Damage {
                 }
             }
             Self::Late(device, ms) => {
-                let samples = (1e-3 * f64::from(ms) / period).round() as usize;
+                let samples = (1e-3 * f64::from(ms) / period).round() as isize;
                 for channel in log.channels.iter_mut().filter(|c| belongs(&c.name, machine.devices[device])) {
-                    channel.values = shifted(&channel.values, samples as isize);
+                    channel.values = shifted(&channel.values, samples);
                 }
             }
             Self::Alone(name, ms) => {
@@ -369,11 +382,12 @@ impl Damage {
     }
 }
 
-/// One log of a cell: per identified parameter its error in standard errors and in those of noise alone, and whether the
-/// fit warns.
+/// One log of a cell: per identified parameter its error in standard errors and in those of noise alone, and whether and of
+/// what the fit warns.
 struct Outcome {
     errors: Vec<(String, f64, f64)>,
     warns: bool,
+    words: Vec<String>,
 }
 
 fn outcome(machine: &Machine, damage: Damage, seed: u64) -> Outcome {
@@ -422,12 +436,13 @@ fn outcome(machine: &Machine, damage: Damage, seed: u64) -> Outcome {
     damage.apply(machine, &mut log, &mut rng);
     logs.insert(0, log);
     // As the command does it: a look at the logs comes first, and what it finds counts as a warning.
-    let looks = logs.iter().any(|log| {
-        vehicle.check(log, &known).is_ok_and(|found| found.iter().any(|finding| finding.severity >= Severity::Warning))
-    });
+    let found = logs.iter().flat_map(|log| vehicle.check(log, &known).unwrap_or_default());
+    let found = found.filter(|finding| finding.severity >= Severity::Warning);
+    let mut words: Vec<String> = found.map(|finding| format!("{} {}", finding.channel, finding.message)).collect();
+    let looks = !words.is_empty();
     let request = FitRequest { settings: known, ..FitRequest::default() };
     let Ok(report) = vehicle.fit(&logs, &request, &Progress::none()) else {
-        return Outcome { errors: Vec::new(), warns: true };
+        return Outcome { errors: Vec::new(), warns: true, words };
     };
     let shifts = |name: &str| name.contains("rest_") && matches!(damage, Damage::OtherRest | Damage::Bias(..));
     let errors = report.identified().filter(|(name, _)| !shifts(name)).filter_map(|(name, parameter)| {
@@ -436,7 +451,8 @@ fn outcome(machine: &Machine, damage: Damage, seed: u64) -> Outcome {
         let by_noise = if parameter.sampling_std > 0.0 { parameter.sampling_std } else { parameter.std_error };
         Some((name.to_owned(), error / parameter.std_error, error / by_noise))
     });
-    Outcome { errors: errors.collect(), warns: looks || report.has_warnings() }
+    words.extend(report.warnings.iter().cloned());
+    Outcome { errors: errors.collect(), warns: looks || report.has_warnings(), words }
 }
 
 /// Runs a cell and prints its line; the reasons why it fails the gate.
@@ -476,6 +492,7 @@ fn cell(machine: &Machine, damage: Damage, logs: u64) -> Vec<String> {
     if std::env::var("WHEELSTATE_EACH").is_ok() {
         let mut each: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
         outcomes.iter().flat_map(|o| &o.errors).for_each(|(name, z, _)| each.entry(name).or_default().push(*z));
+        outcomes.iter().flat_map(|outcome| &outcome.words).for_each(|word| println!("    warning: {word}"));
         for (name, z) in each {
             let (n, squares) = (z.len() as f64, z.iter().map(|z| z * z).sum::<f64>());
             let inside = z.iter().filter(|z| z.abs() <= 1.96).count();
@@ -508,7 +525,7 @@ fn from_environment(name: &str) -> Option<u64> {
     std::env::var(name).ok()?.parse().ok()
 }
 
-fn table(logs: u64, machines: &[&str], delays: &[u32]) -> Vec<String> {
+fn table(logs: u64, machines: &[&str], delays: &[i32]) -> Vec<String> {
     let words = std::env::var("WHEELSTATE_CELLS").unwrap_or_default();
     let asked = |machine: &Machine, damage: Damage| {
         let line = format!("{} {}", machine.name, damage.word(machine));
@@ -535,7 +552,7 @@ fn a_damaged_log_gives_intervals_that_hold_or_a_warning() {
 fn intervals_hold_the_truth_in_every_cell_or_a_warning_says_why() {
     let logs = from_environment("WHEELSTATE_LOGS");
     let machines = ["nursing-robot", "wheelchair", "wheel-loader", "wheeled-robot"];
-    let mut failures = table(logs.unwrap_or(20), &machines, &[10, 20, 50]);
-    failures.extend(table(logs.unwrap_or(6), &["human-dynamics"], &[10, 20, 50]));
+    let mut failures = table(logs.unwrap_or(20), &machines, &[10, 20, 50, -20]);
+    failures.extend(table(logs.unwrap_or(6), &["human-dynamics"], &[10, 20, 50, -20]));
     assert!(failures.is_empty(), "{failures:#?}");
 }

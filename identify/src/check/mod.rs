@@ -7,7 +7,8 @@
 //! - [`channel`]: channels that the fit needs and lacks, constant, frozen, clipped, coarse or wrapping ones;
 //! - [`relation`]: channels that say the same thing in two ways (the slope of an angle and its rate, wheel speed times
 //!   radius and speed over ground, specific force and the derivative of the speed): their proportion shows units and signs,
-//!   their cross-correlation a delay.
+//!   their cross-correlation a delay;
+//! - what a machine itself adds where only a simulation of it tells a delay ([`Checks::delays`]).
 //!
 //! What a machine's log must hold and which of its channels say the same stands in its record, see [`Checks`]. A
 //! relation speaks only where the log excites it: silence is no proof that a channel is right.
@@ -17,10 +18,10 @@ mod gram;
 pub mod relation;
 mod signals;
 pub mod time;
-mod window;
+pub(crate) mod window;
 
 pub use crate::finding::{Finding, Severity};
-pub use relation::{Gain, Relation, Side, Term};
+pub use relation::{Delay, Gain, Relation, Side, Term};
 pub use signals::Signals;
 
 use crate::log::Log;
@@ -51,6 +52,8 @@ pub struct Checks {
     pub gravity: &'static [Accelerometer],
     /// Channels that tell the same in two ways.
     pub relations: fn(&Signals) -> Vec<Relation>,
+    /// Delays that no linear equation between signals shows, but a simulation of the machine.
+    pub delays: fn(&Signals) -> Vec<Delay>,
 }
 
 impl Checks {
@@ -62,6 +65,7 @@ impl Checks {
         quick: 0,
         gravity: &[],
         relations: |_| Vec::new(),
+        delays: |_| Vec::new(),
     };
 
     /// The channels that it names in full.
@@ -93,6 +97,9 @@ pub fn check(subject: &Subject, log: &Log) -> Vec<Finding> {
         let signals = Signals::new(subject, log);
         let relations = (subject.checks.relations)(&signals);
         findings.extend(relation::check(&signals, &relations, &spoilt));
+        let delays = (subject.checks.delays)(&signals).into_iter().filter(|delay| delay.shows(signals.period));
+        let delays = delays.filter(|delay| !findings.iter().any(|finding| delay.is_said_by(finding)));
+        findings.extend(delays.map(|delay| delay.finding(log)).collect::<Vec<_>>());
     }
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
     findings

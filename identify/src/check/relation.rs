@@ -37,7 +37,7 @@ const ENOUGH: usize = 40;
 const CLEAR: f64 = 0.7;
 const EXPLAINED: f64 = 0.5;
 /// Delays up to this are what good sensors' own filters have, s; those below a sample period anyhow.
-const HARMLESS: f64 = 0.015;
+pub(crate) const HARMLESS: f64 = 0.015;
 /// What is left unexplained without a delay over what is left with it: of one signal against others, and of the parts of
 /// a motion together, whose free coefficients a delay trades with.
 const WORTH: (f64, f64) = (1.1, 1.5);
@@ -98,8 +98,6 @@ pub enum Gain {
     Same(f64),
     /// Positive and about this, within a factor: masses and lengths as given.
     About(f64, f64),
-    /// The same, but nothing is said about it: a delay counts only where the log shows this proportion.
-    Shown(f64, f64),
     /// Nothing.
     Any,
 }
@@ -147,6 +145,51 @@ impl Relation {
     /// Every channel of it.
     fn channels(&self) -> impl Iterator<Item = &String> {
         self.x.iter().chain([&self.y]).flat_map(|term| &term.channels)
+    }
+}
+
+/// How late channels are against others.
+#[derive(Clone, Debug)]
+pub struct Delay {
+    /// The channels that are late, or early if the delay is negative.
+    pub late: Vec<String>,
+    /// Those that they are compared with.
+    pub against: Vec<String>,
+    /// s
+    pub delay: f64,
+    /// Its standard error, s.
+    pub std: f64,
+    /// How they are compared, in words.
+    pub what: &'static str,
+}
+
+impl Delay {
+    /// Whether it is more than good sensors, sampled with this period, have.
+    pub(super) fn shows(&self, period: f64) -> bool {
+        self.delay.abs() - SURE * self.std > HARMLESS.max(period)
+    }
+
+    /// Whether something else that is wrong with its channels explains it, or says the same.
+    pub(super) fn is_said_by(&self, finding: &Finding) -> bool {
+        let its = |name: &str| self.late.iter().chain(&self.against).any(|channel| channel == name);
+        finding.severity >= Severity::Warning && finding.channel.split(", ").any(its)
+    }
+
+    pub(super) fn finding(&self, log: &Log) -> Finding {
+        let (mut late, mut early) = (&self.late, &self.against);
+        if self.delay < 0.0 {
+            std::mem::swap(&mut late, &mut early);
+        }
+        let (ms, std) = (1e3 * self.delay.abs(), 1e3 * self.std);
+        let message = format!(
+            "arrives {ms:.0} ms ({:.0} to {:.0}) later than {} ({})",
+            ms - 2.0 * std,
+            ms + 2.0 * std,
+            early.join(", "),
+            self.what
+        );
+        let what = "give the channels one clock, or shift the late ones back before the fit (a file or group of its own: offset in join)";
+        finding(log, "delayed-channel", Severity::Warning, late.join(", ")).says(message, what)
     }
 }
 
@@ -395,7 +438,7 @@ fn gain(log: &Log, relation: &Relation, answer: &Answer) -> Option<Finding> {
     let (expected, factor, severity) = match relation.gain {
         Gain::Same(factor) => (1.0, factor, Severity::Refusal),
         Gain::About(size, factor) => (size, factor, Severity::Warning),
-        Gain::Any | Gain::Shown(..) => return None,
+        Gain::Any => return None,
     };
     let rho = answer.correlation.abs();
     if rho < CLEAR || !answer.steady {
@@ -441,18 +484,11 @@ fn gain(log: &Log, relation: &Relation, answer: &Answer) -> Option<Finding> {
 
 /// Channels that arrive late.
 fn delay(signals: &Signals, relation: &Relation, answer: &Answer) -> Option<Finding> {
-    let Answer { delay, delay_std, explained, .. } = *answer;
-    let harmless = HARMLESS.max(signals.period);
+    let Answer { delay, delay_std: std, explained, .. } = *answer;
     // Signals whose proportion is known to be positive are not delayed into opposite ones.
     let opposite = relation.gain != Gain::Any && answer.correlation < 0.0;
-    if !relation.delay || opposite || explained < EXPLAINED || delay.abs() - SURE * delay_std <= harmless {
+    if !relation.delay || opposite || explained < EXPLAINED {
         return None;
-    }
-    if let Gain::Shown(size, factor) = relation.gain {
-        let ratio = answer.gain / size;
-        if !answer.steady || answer.correlation < CLEAR || ratio < 1.0 / factor || ratio > factor {
-            return None;
-        }
     }
     // A delay that leaves nearly as much unexplained as before explains nothing.
     let shifted = relation.x.iter().chain([&relation.y]).filter(|term| term.side == Side::Late).count();
@@ -465,23 +501,11 @@ fn delay(signals: &Signals, relation: &Relation, answer: &Answer) -> Option<Find
         let compared = |term: &&Term| term.side == Side::Late || term.channels == relation.x[0].channels;
         let nuisances = relation.x.iter().filter(compared);
         let terms = nuisances.chain([&relation.y]).filter(|term| term.side == side);
-        let mut names: Vec<&str> = terms.flat_map(|term| term.channels.iter().map(String::as_str)).collect();
+        let mut names: Vec<String> = terms.flat_map(|term| term.channels.iter().cloned()).collect();
         names.sort_unstable();
         names.dedup();
         names
     };
-    let (mut late, mut early) = (of(Side::Late), of(Side::Model));
-    if delay < 0.0 {
-        std::mem::swap(&mut late, &mut early);
-    }
-    let (ms, std) = (1e3 * delay.abs(), 1e3 * delay_std);
-    let message = format!(
-        "arrives {ms:.0} ms ({:.0} to {:.0}) later than {} ({})",
-        ms - 2.0 * std,
-        ms + 2.0 * std,
-        early.join(", "),
-        relation.what
-    );
-    let what = "give the channels one clock, or shift the late ones back before the fit (a file or group of its own: offset in join)";
-    Some(finding(signals.log(), "delayed-channel", Severity::Warning, late.join(", ")).says(message, what))
+    let delay = Delay { late: of(Side::Late), against: of(Side::Model), delay, std, what: relation.what };
+    delay.shows(signals.period).then(|| delay.finding(signals.log()))
 }

@@ -41,6 +41,7 @@ fn signals() -> Signals {
         pitch: table.values("phi_y").into(),
         pitch_rate: table.values("gyro_y").into(),
         roll: table.values("phi_x").into(),
+        roll_rate: Default::default(),
         turning: Default::default(),
         accel: Default::default(),
     }

@@ -29,6 +29,7 @@ pub const CHECKS: Checks = Checks {
         imu!("imu_left_forearm_accel"),
     ],
     relations,
+    delays: |_| Vec::new(),
 };
 
 /// `qd = dq/dt` and `qdd = dqd/dt` of every joint.

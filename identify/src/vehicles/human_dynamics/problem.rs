@@ -10,6 +10,7 @@
 //! off by `-delay S` with `S` the change of a torque when the force is taken so much earlier. Each joint's torque is
 //! regressed on `S` beside its passive law, and a delay that several joints show is a warning.
 use crate::assess::Limits;
+use crate::check::relation::HARMLESS;
 use crate::log::{Channel, Log};
 use crate::problem::noise::noise_of;
 use crate::problem::{FitError, Judgement, Known, Prediction, Problem, Session, Target, Task};
@@ -36,8 +37,7 @@ const CLUSTER: f64 = 0.25;
 
 /// Time by which forces are taken earlier to see what a delay does, s.
 const EARLIER: f64 = 0.02;
-/// Delays up to this are what good sensors' own filters have, s; a longer one must be so many standard errors beyond it.
-const HARMLESS: f64 = 0.015;
+/// Standard errors by which a delay must be beyond what good sensors have.
 const SURE: f64 = 4.0;
 /// The torques are estimates, which smooth what acts on them: by so much a delay that they show may be off, s (on the own
 /// plant 6 to 9 ms).

@@ -1,8 +1,9 @@
 //! What a nursing robot's log must be like: channels, and those that say the same in two ways.
 
+use super::problem::lateness;
 use super::problem::rows::GRAVITY;
 use super::problem::signals::body;
-use crate::check::{Checks, Gain, Relation, Side, Signals, Term};
+use crate::check::{Checks, Gain, Relation, Signals, Term};
 
 /// The checks.
 pub const CHECKS: Checks = Checks {
@@ -20,6 +21,7 @@ pub const CHECKS: Checks = Checks {
     quick: 100_000,
     gravity: &[],
     relations,
+    delays: lateness::delays,
 };
 
 /// ```text
@@ -58,15 +60,6 @@ fn relations(signals: &Signals) -> Vec<Relation> {
         let delay = sway.is_some();
         let gain = Gain::About(total, 30.0);
         let of_force = Relation::new(what, y.late(), x, gain).given("robot.mass").with_delay(delay);
-        if sway.is_some() {
-            let mut of_sway = of_force.clone();
-            (of_sway.y.side, of_sway.x[1].side) = (Side::Model, Side::Late);
-            of_sway.what = "drive force compared with speed and sway";
-            // The sway comes first: it must be seen in the force, and be about as large as the person makes it.
-            of_sway.x.swap(0, 1);
-            of_sway.gain = Gain::Shown(body(signals.known).b, 3.0);
-            all.push(of_sway);
-        }
         all.push(of_force);
     }
     all.extend(swaying(signals, ["tilt", "tilt_rate"], signals.term("speed", 1).map(|term| term.times(-1.0))));
@@ -84,7 +77,8 @@ fn swaying(signals: &Signals, [angle, rate]: [&'static str; 2], acceleration: Op
     let curve = signals.term(rate, 1).or_else(|| signals.term(angle, 2))?;
     let what =
         if angle == "tilt" { "tilt compared with the acceleration" } else { "roll compared with speed times yaw rate" };
-    let x = [signals.term(angle, 0)?, slope, curve].map(Term::late).to_vec();
+    let x = [signals.term(angle, 0)?, slope, curve].to_vec();
     let gain = if expected > 0.0 { Gain::About(expected, 10.0) } else { Gain::Any };
-    Some(Relation::new(what, acceleration?, x, gain))
+    // Noise of the angle poses as a delay; against a simulation it does not (`lateness`).
+    Some(Relation::new(what, acceleration?, x, gain).with_delay(false))
 }

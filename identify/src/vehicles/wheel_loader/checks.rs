@@ -18,6 +18,7 @@ pub const CHECKS: Checks = Checks {
     quick: 100_000,
     gravity: &[],
     relations,
+    delays: |_| Vec::new(),
 };
 
 /// ```text

@@ -13,6 +13,7 @@ pub const CHECKS: Checks = Checks {
     quick: 100_000,
     gravity: &[Accelerometer { axes: ["accel_x", "accel_y", "accel_z"], upright: true }],
     relations,
+    delays: |_| Vec::new(),
 };
 
 /// ```text

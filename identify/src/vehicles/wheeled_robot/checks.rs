@@ -18,6 +18,7 @@ pub const CHECKS: Checks = Checks {
     quick: 100_000,
     gravity: &[],
     relations,
+    delays: |_| Vec::new(),
 };
 
 const WHEELS: [&str; 4] = ["wheel_speed_fl", "wheel_speed_fr", "wheel_speed_rl", "wheel_speed_rr"];

@@ -26,6 +26,7 @@
 //! `rolling.coefficient` (0.01 m/s2 make 0.001), in the fit as in the online estimator. What it differs by from the change of
 //! the speed, in the mean over a log, is a bias or a slope: the interval contains that much.
 
+pub(super) mod lateness;
 mod noise;
 pub mod refine;
 pub mod rows;

@@ -76,6 +76,8 @@ pub struct Signals {
     pub pitch_rate: Series,
     /// Roll, rad.
     pub roll: Series,
+    /// Roll rate, measured or from the roll, rad/s.
+    pub roll_rate: Series,
     /// `w sin phi_x` and `w phi_x'` while turning, rad/s and rad/s2; empty where they are not known.
     pub turning: [Vec<f64>; 2],
     /// Longitudinal specific force, m/s2.

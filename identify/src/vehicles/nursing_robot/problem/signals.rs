@@ -57,6 +57,12 @@ pub fn signals(log: &Log, known: &Known) -> Result<Signals, FitError> {
     } else {
         present("tilt_rate").unwrap_or_else(|| rows::slope(&pitch, period).into())
     };
+    let roll = present("roll").unwrap_or_default();
+    let roll_rate = if roll.is_empty() {
+        Series::default()
+    } else {
+        present("roll_rate").unwrap_or_else(|| rows::slope(&roll, period).into())
+    };
     let mut signals = Signals {
         period,
         start: log.time.first().copied().unwrap_or(0.0),
@@ -65,22 +71,21 @@ pub fn signals(log: &Log, known: &Known) -> Result<Signals, FitError> {
         yaw_rate: present("yaw_rate").unwrap_or_else(|| vec![0.0; log.len()].into()),
         pitch,
         pitch_rate,
-        roll: present("roll").unwrap_or_default(),
+        roll,
+        roll_rate,
         turning: Default::default(),
         accel: present("accel_x").unwrap_or_default(),
     };
     let body = body(known);
     if body.j > 0.0 && signals.yaw_rate.iter().any(|w| *w != 0.0) {
-        let rate = (!signals.roll.is_empty())
-            .then(|| present("roll_rate").unwrap_or_else(|| rows::slope(&signals.roll, period).into()));
-        signals.turning = turning(&signals, rate, &body, known);
+        signals.turning = turning(&signals, &body, known);
     }
     Ok(signals)
 }
 
 /// `w sin phi_x` and `w phi_x'`, from the measured roll or else from a passive person with the known
 /// stiffness and damping.
-fn turning(signals: &Signals, roll_rate: Option<Series>, body: &Body, known: &Known) -> [Vec<f64>; 2] {
+fn turning(signals: &Signals, body: &Body, known: &Known) -> [Vec<f64>; 2] {
     let product = |roll: &[f64], rate: &[f64]| {
         let w = &signals.yaw_rate;
         [
@@ -88,11 +93,10 @@ fn turning(signals: &Signals, roll_rate: Option<Series>, body: &Body, known: &Kn
             w.iter().zip(rate).map(|(w, rate)| w * rate).collect(),
         ]
     };
-    match roll_rate {
-        Some(rate) => product(&signals.roll, &rate),
-        None => {
-            let (roll, rate) = roll_from_turning(signals, body, super::side(known));
-            product(&roll, &rate)
-        }
+    if signals.roll.is_empty() {
+        let (roll, rate) = roll_from_turning(signals, body, super::side(known));
+        product(&roll, &rate)
+    } else {
+        product(&signals.roll, &signals.roll_rate)
     }
 }
