@@ -65,6 +65,8 @@ F1TENTH = {
     "wheel.inertia": 2e-4, "tire.front.nominal_load": 8.72, "tire.rear.nominal_load": 16.3,
     "tire.front.stiffness": 78.5, "tire.rear.stiffness": 146.7, "filter.substeps": 20,
 }
+# what tells the place of its reference: speed, lateral speed, yaw rate, and the centre of gravity's distance from the rear axle
+MOVED = ("v_x", "v_y", "r", F1TENTH["vehicle.cg_to_rear"])
 # what its README does not say, or the recording contradicts: the unit of the wheels' speed, the centre of gravity
 DOUBT = {"wheel.radius_std": 0.04, "vehicle.cg_std": 0.15}
 REFERENCE = {"filter.channels": "gyro", "filter.use_speed": "true"}
@@ -249,6 +251,20 @@ def recorded_bow(identify):
     line("recorded bow, no plate, against the same with it", judge(estimates, with_plate, names))
 
 
+def moved(truth, names, columns):
+    """The truth with the lateral speed of the centre of gravity, and how far before it the reference measures, m. In turns of at
+    most 1 m/s2 the rear axle goes where it points: the lateral speed of a point is its distance from it times the yaw rate."""
+    speed, lateral, turning, to_rear = columns
+    head, rows = truth
+    at = [head.index(name) for name in (speed, lateral, turning)]
+    motion = [[number(row[i]) for i in at] for row in rows]
+    slow = sorted(vy / r for vx, vy, r in motion if abs(r) > 0.6 and abs(r * vx) < 1)
+    ahead = slow[len(slow) // 2] - to_rear
+    place = head.index(names["speed_y"])
+    rows = [[*row[:place], str(vy - ahead * r), *row[place + 1 :]] for row, (_, vy, r) in zip(rows, motion)]
+    return (head, rows), ahead
+
+
 def recordings(identify, machine):
     data = os.environ.get("WHEELSTATE_DATA")
     for name, columns, names, settings in RECORDINGS.get(machine, []):
@@ -262,6 +278,10 @@ def recordings(identify, machine):
             estimates = run(identify, machine, log, settings, ROOT / "tests/maps" / columns)
             doubt = ", errors said" if settings.items() >= DOUBT.items() else ""
             line(f"recording {name}{doubt}", judge(estimates, table(log), names))
+            if settings.items() >= F1TENTH.items():
+                truth, ahead = moved(table(log), names, MOVED)
+                what = f"recording {name}{doubt}, reference {ahead:.2f} m before the centre of gravity"
+                line(what, judge(estimates, truth, {"speed_y": names["speed_y"]}))
 
 
 def main():
