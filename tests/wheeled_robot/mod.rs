@@ -6,4 +6,5 @@ mod inputs;
 mod multibody;
 mod parameters;
 mod slip;
+mod steering;
 mod vectors;

@@ -3,8 +3,10 @@
 
 use super::parameters::Parameters;
 use super::speed_knowledge::is_measured;
+use super::wheel_speed::COMPLIANCE;
 use crate::filter::gaussian::FactoredGaussian;
 use crate::filter::square_root::{absorb, product};
+use crate::model::tire::Tire;
 use crate::model::wheeled_robot::{Drive, Forces, Motion, Vehicle, WheeledRobot, Wheels};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
@@ -25,6 +27,13 @@ const SLIP: usize = 11;
 /// section 3.2) is `u = 1 - (1 - s)³` with `u = F/(mu Fz)`, and `a` over `F/K` is `3 s/u`.
 fn brush(used: f64) -> f64 {
     if used < 1e-3 { 1.0 } else { 3.0 * (1.0 - (1.0 - used.min(1.0)).cbrt()) / used.min(1.0) }
+}
+
+/// The slip of a tyre as soft as its cornering stiffness may be over the slip of [`COMPLIANCE`]. Tread that yields alike in all
+/// directions has one stiffness for slip and slip angle (Pacejka, the brush model); carcasses yield more to the side, so that it
+/// is the least that the stiffness for slip can be. The gain is that of usual tyres: only the deviations have to contain this.
+fn softer(tire: &Tire) -> f64 {
+    (1.0 + tire.stiffness_std) * tire.nominal_load / (tire.stiffness * COMPLIANCE)
 }
 
 /// How far the motion is off per standard deviation of each constant.
@@ -66,6 +75,13 @@ pub(super) struct Slopes {
     displaced: [f64; 2],
 }
 
+impl Slopes {
+    /// Rate at which the tyres' forces take a lateral speed away, 1/s; 0 beyond their peak.
+    pub fn damping(&self) -> f64 {
+        (-self.by_motion[(1, 1)]).max(0.0)
+    }
+}
+
 /// The constants' standard deviations.
 #[derive(Clone, Debug)]
 pub(super) struct Constants {
@@ -87,6 +103,8 @@ pub(super) struct Constants {
     imu: [f64; 2],
     /// Stiffness over load of the tyres in front and at the rear, 1/rad, and their friction.
     tires: [[f64; 2]; 2],
+    /// Standard deviation of the slip over the one that the gain is made for ([`softer`]).
+    softer: f64,
 }
 
 impl Constants {
@@ -104,6 +122,7 @@ impl Constants {
             considered,
             imu: [p.imu.x, p.imu.y],
             tires: axles.map(|tire| [tire.stiffness / tire.nominal_load, tire.friction]),
+            softer: if p.wheel.slip_stiffness > 0.0 { 1.0 } else { axles.map(softer).into_iter().fold(1.0, f64::max) },
         }
     }
 
@@ -221,7 +240,9 @@ impl Constants {
     /// What is known of the motion, the constants' errors counted.
     pub fn counted(&self, belief: &FactoredGaussian<3>, cross: &Cross) -> FactoredGaussian<3> {
         let mut counted = *belief;
-        absorb(&mut counted.factor, *cross);
+        let mut cross = *cross;
+        cross.column_mut(SLIP).scale_mut(self.softer);
+        absorb(&mut counted.factor, cross);
         counted
     }
 

@@ -3,6 +3,7 @@
 use super::variables::Outputs;
 use super::{RobotMachine, State, UNREACHABLE};
 use crate::filter::gaussian::FactoredGaussian;
+use crate::filter::square_root::absorb_diagonal;
 use crate::model::wheeled_robot::{Drive, Motion, Wheels};
 use crate::variable::Estimate;
 use nalgebra::Vector3;
@@ -19,7 +20,10 @@ fn estimates(value: &Wheels, std: &Wheels) -> [Estimate; 4] {
 impl RobotMachine {
     pub(super) fn report(&self, state: &State, steering: f64, horizon: f64, out: &mut Outputs) {
         let State { forces, .. } = state;
-        let belief = &self.constants.counted(&state.belief, &state.cross);
+        let [carried, pushed] = state.unmodelled.speed_std();
+        let mut uncertain = state.belief;
+        absorb_diagonal(&mut uncertain.factor, &Vector3::new(carried.hypot(state.slip.doubt()), pushed, 0.0));
+        let belief = &self.constants.counted(&uncertain, &state.cross);
         let drive = Drive::new(steering, forces.force);
         let mut x = Motion::from(belief.mean);
         let mut grip = state.grip;
@@ -51,9 +55,11 @@ impl RobotMachine {
         };
 
         let slopes = self.model.slip_derivatives(&x, &drive);
+        // an axle's force is that of two wheels
+        let unmodelled = 0.5 * self.model.vehicle.mass * state.unmodelled.acceleration_std(self.reach);
         let lateral_std = std::array::from_fn(|i| {
             let wheel = (&self.model.vehicle, i);
-            self.constants.lateral_std(&state.belief, &state.cross, slopes[i], &grip, wheel)
+            self.constants.lateral_std(&uncertain, &state.cross, slopes[i], &grip, wheel).hypot(unmodelled)
         });
         [out.wheel_force_x_fl, out.wheel_force_x_fr, out.wheel_force_x_rl, out.wheel_force_x_rr] =
             estimates(&forces.force, &forces.force_std);

@@ -47,6 +47,8 @@ pub(super) struct Slip {
     /// Time since it was last taken to be right, and since the wheels last gained or lost, s.
     age: f64,
     calm: f64,
+    /// Standard deviation that the speed has at least beside wheels that disagree, m/s.
+    doubt: f64,
 }
 
 /// The speed that the wheels show, beside what is expected.
@@ -86,6 +88,8 @@ impl Slip {
         let was_right = self.is_right(sample.noise);
         self.calm = if spins || was_right { 0.0 } else { (self.calm + dt).min(LONG_AGO) };
         let off = (sample.speed - sample.expected).abs();
+        // where the wheels only differ and do not gain, either of both speeds may be right
+        self.doubt = if self.calm > window { 0.5 * off } else { 0.0 };
         // a speed that has not gained on the vehicle is no slip, whatever the model expects
         let far = !was_right && off > CHANCE * (sample.variance.sqrt() + sample.bias * self.age);
         let rolls_again = far && self.calm > CALM;
@@ -103,12 +107,17 @@ impl Slip {
 
     /// Without a speed from the wheels.
     pub fn skip(&mut self) {
-        (self.before, self.gained) = (None, 0.0);
+        (self.before, self.gained, self.doubt) = (None, 0.0, 0.0);
     }
 
     /// Whether the wheels' speed can be taken for the vehicle's, with a noise of this standard deviation, m/s.
     pub fn is_right(&self, noise: f64) -> bool {
         self.error <= noise
+    }
+
+    /// Standard deviation that the speed has at least, m/s.
+    pub fn doubt(&self) -> f64 {
+        self.doubt
     }
 
     /// Standard deviation of white noise, one sample every `dt` seconds, that spoils a speed as much as its own `noise` and
@@ -122,6 +131,8 @@ impl Slip {
 
     /// Whether the numbers can have come from [`update`](Self::update).
     pub fn is_valid(&self) -> bool {
-        [self.gained, self.error, self.age, self.calm, self.before.unwrap_or_default()].into_iter().all(bounded)
+        [self.gained, self.error, self.age, self.calm, self.doubt, self.before.unwrap_or_default()]
+            .into_iter()
+            .all(bounded)
     }
 }

@@ -30,6 +30,7 @@ impl RobotMachine {
         (state.cross, state.noise) = (Cross::zeros(), self.initial.noise);
         state.rejections = 0;
         (state.agreement, state.slip) = (self.initial.agreement, self.initial.slip);
+        state.unmodelled = self.initial.unmodelled;
     }
 
     /// Motion of which only the speed is known: it goes about straight on, and slides and turns as vehicles do.

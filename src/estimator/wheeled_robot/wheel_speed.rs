@@ -12,7 +12,7 @@ const STANDING: f64 = 0.01;
 const SLIPPING: f64 = 0.2;
 /// Slip per longitudinal force over load where no slip stiffness is given (one standard deviation): that of a stiffness of
 /// 15, at the lower end of what tyres have.
-const COMPLIANCE: f64 = 1.0 / 15.0;
+pub(super) const COMPLIANCE: f64 = 1.0 / 15.0;
 /// Largest standard deviation of the slip that a force lets expect.
 const LARGEST_SLIP: f64 = 0.5;
 /// Share of the friction beyond which a tyre slides.
