@@ -256,6 +256,8 @@ fn cases() -> Vec<Case> {
         of(loader, late(&["torque_"], 0.05), "delayed-channel", "torque_front"),
         of(loader, changed(&["wheel_speed_rear"], freeze), "stuck-channel", "wheel_speed_rear"),
         of(loader, changed(&["speed"], clip), "saturated-channel", "speed"),
+        of(loader, changed(&["speed"], |v| (0..v.len()).for_each(|k| v[k] = v[k / 5 * 5])), "held-channel", "speed"),
+        of(loader, changed(&["wheel_speed_"], |v| (0..v.len()).for_each(|k| v[k] = v[k * 10 / 47 * 47 / 10])), "held-channel", "wheel_speed_front"),
         of(loader, timed(|log| log.channels.retain(|c| c.name != "speed")), "missing-channel", "speed"),
 
         of(robot, scaled(&["accel_"], G), "unit-mismatch", "accel_x"),

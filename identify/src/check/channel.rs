@@ -1,5 +1,6 @@
 //! Each channel by itself: there at all, alive, within its range, fine enough, not clipped, not wrapped.
 
+use super::relation::HARMLESS;
 use super::{Accelerometer, Finding, Severity, Subject, finding, fits, short};
 use crate::log::{Channel, Log};
 use wheelstate::Variable;
@@ -18,6 +19,9 @@ const MOVES: f64 = 0.1;
 const CLIPPED: (usize, f64) = (10, 0.005);
 /// Steps of a channel over its changes within a second beyond which they hide the motion.
 const COARSE: f64 = 0.2;
+/// Least number of changes of a channel whose values are repeated, the share of them that come at even times, and their size in
+/// steps of its resolution.
+const REPEATED: (usize, f64, f64) = (50, 0.9, 4.0);
 /// Time in which an encoder must count some steps, because its slope is needed, s.
 const ENCODER_WINDOW: f64 = 0.15;
 /// Specific force of a machine that carries people, on average, over gravity.
@@ -211,6 +215,7 @@ fn one(subject: &Subject, log: &Log, period: f64, channel: &Channel, variable: O
         return found;
     }
     found.extend(frozen(subject, log, period, name, values, &profile));
+    found.extend(repeated(log, period, name, values, &profile));
     if !is_force(variable) {
         found.extend(clipped(log, name, values, &profile));
         let reach = if is_encoder(variable) { ENCODER_WINDOW } else { 1.0 };
@@ -298,6 +303,46 @@ fn frozen(subject: &Subject, log: &Log, period: f64, name: &str, values: &[f64],
         "cut the log there, or mark these samples as missing in a column map: {name} = {{ column = \"...\", missing_if = \"...\" }}"
     );
     Some(finding(log, "stuck-channel", Severity::Warning, name).at(log.time[longest.from]).says(message, what))
+}
+
+/// A sensor with a slower clock, of which every value is held until the next one: on average it is late by half its period less
+/// half a sample. What moves by single steps of its resolution repeats values, too, and is no such sensor.
+fn repeated(log: &Log, period: f64, name: &str, values: &[f64], profile: &Profile) -> Option<Finding> {
+    let (mut lengths, mut changes) = (Vec::new(), Vec::new());
+    let mut length = 0;
+    for pair in values.windows(2) {
+        length += 1;
+        if pair[0] != pair[1] {
+            if pair[0].is_finite() && pair[1].is_finite() {
+                lengths.push(length);
+                changes.push((pair[1] - pair[0]).abs());
+            }
+            length = 0;
+        }
+    }
+    if lengths.len() < REPEATED.0 {
+        return None;
+    }
+    let middle = lengths.len() / 2;
+    let usual = *changes.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let times = *lengths.clone().select_nth_unstable(middle).1;
+    let late = 0.5 * (times - 1) as f64 * period;
+    // Clocks that are no multiples of each other differ by a sample; two equal values in a row are one long one.
+    let regular =
+        lengths.iter().filter(|length| (*length % times).min(times - *length % times) <= usize::from(times > 2));
+    let regular = regular.count() as f64 > REPEATED.1 * lengths.len() as f64;
+    if !regular || late <= HARMLESS.max(period) || usual < REPEATED.2 * profile.step {
+        return None;
+    }
+    let message = format!(
+        "repeats every value {times} times: it is sampled every {} s, held in between, and so {:.0} ms late on average",
+        short(times as f64 * period),
+        1e3 * late
+    );
+    let what = format!(
+        "log it at its own times: a column map carries it over in a straight line, {name} = {{ column = \"...\", between = \"linear\" }}"
+    );
+    Some(finding(log, "held-channel", Severity::Warning, name).says(message, what))
 }
 
 /// Many samples at exactly one end of the range and hardly any beside it.

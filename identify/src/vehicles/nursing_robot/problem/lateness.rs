@@ -42,6 +42,10 @@ const BLOCKS: usize = 12;
 const LENGTHS: f64 = 0.03;
 /// Share of the variance that the sway must explain.
 const EXPLAINED: f64 = 0.5;
+/// Standard errors from which a late roll may be a late yaw rate; rounds to find how late that is, and what may be left, s.
+const DOUBTFUL: f64 = 2.0;
+const ROUNDS: usize = 10;
+const CLOSE: f64 = 1e-3;
 /// Iterations, and the change of the delay below which they have ended, s.
 const ITERATIONS: usize = 30;
 const SETTLED: f64 = 1e-4;
@@ -60,7 +64,7 @@ pub fn delays(signals: &check::Signals) -> Vec<Delay> {
     let stride = ((STEP / signals.period).round() as usize).max(1);
     let parts: Vec<Signals> =
         parts(signals.log(), stride).iter().filter_map(|log| signals::signals(log, known).ok()).collect();
-    let of = |angle: fn(&Signals) -> &Series, joint: fn(&Signals) -> Joint, stiffness: &str| {
+    let of = |angle: fn(&Signals) -> &Series, joint: &dyn Fn(&Signals) -> Joint, stiffness: &str| {
         let w2 = (known.get(stiffness) - body.b * GRAVITY) / body.j;
         let parts = parts.iter().filter(|part| !angle(part).is_empty());
         let parts: Vec<Part> = parts.map(|part| Part::new(&joint(part), part.period, stride)).collect();
@@ -69,21 +73,46 @@ pub fn delays(signals: &check::Signals) -> Vec<Delay> {
     let channels = |names: &[&str]| -> Vec<String> {
         names.iter().filter(|name| signals.channel(name).is_some()).map(|name| (*name).to_owned()).collect()
     };
-    let pitch = of(|part| &part.pitch, pitch, PITCH[0]).map(|(delay, std)| Delay {
+    let pitch = of(|part| &part.pitch, &pitch, PITCH[0]).map(|found| Delay {
         late: channels(&["tilt", "tilt_rate"]),
         against: channels(&["speed"]),
-        delay,
-        std,
+        delay: found.delay,
+        std: found.std,
         what: "the sway that the acceleration makes; the fit takes a delay for damping",
     });
-    let roll = of(|part| &part.roll, roll, ROLL[0]).map(|(delay, std)| Delay {
-        late: channels(&["roll", "roll_rate"]),
-        against: channels(&["speed", "yaw_rate"]),
-        delay,
-        std,
-        what: "the sway that turning makes; the fit takes a delay for damping",
+    let with_yaw = |late: f64| of(|part| &part.roll, &|part| roll(part, late), ROLL[0]);
+    let roll = with_yaw(0.0).map(|found| {
+        let angle = channels(&["roll", "roll_rate"]);
+        let what = "the sway that turning makes; the fit takes a delay for damping";
+        // The yaw rate stands beside the pitch, too: if it is the late one, a late roll explains only a part.
+        let yaw = if found.delay.abs() > DOUBTFUL * found.std { late_yaw_rate(found, &with_yaw) } else { None };
+        match yaw.filter(|yaw| yaw.cost < found.cost) {
+            Some(Lateness { delay, std, .. }) => {
+                Delay { late: channels(&["yaw_rate"]), against: angle, delay, std, what }
+            }
+            None => {
+                let Lateness { delay, std, .. } = found;
+                Delay { late: angle, against: channels(&["speed", "yaw_rate"]), delay, std, what }
+            }
+        }
     });
     [pitch, roll].into_iter().flatten().collect()
+}
+
+/// How late the yaw rate is: with it taken earlier by that, the roll is in time. From how late the roll is with it as it is.
+fn late_yaw_rate(roll: Lateness, with_yaw: &dyn Fn(f64) -> Option<Lateness>) -> Option<Lateness> {
+    let (mut delay, mut found) = (0.0, roll);
+    for _ in 0..ROUNDS {
+        delay -= found.delay;
+        if delay.abs() > REACH {
+            return None;
+        }
+        found = with_yaw(delay)?;
+        if found.delay.abs() < CLOSE {
+            return Some(Lateness { delay, ..found });
+        }
+    }
+    None
 }
 
 /// The log, or parts of a long one, without the outliers that would last in a simulation.
@@ -129,20 +158,38 @@ fn pitch(s: &Signals) -> Joint {
     }
 }
 
-/// The roll: turning makes it sway, `a = w v`, and with the pitch `J d(w sin phi_y)/dt + J w phi_y'`, as in the roll rows.
-fn roll(s: &Signals) -> Joint {
+/// The roll: turning makes it sway, `a = w v`, and with the pitch `J d(w sin phi_y)/dt + J w phi_y'`, as in the roll rows. The
+/// yaw rate is taken to be late by so much.
+fn roll(s: &Signals, yaw_late: f64) -> Joint {
+    let yaw_rate = |i: usize| {
+        let at = (i as f64 + yaw_late / s.period).clamp(0.0, (s.len() - 1) as f64);
+        let (before, share) = (at.floor() as usize, at.fract());
+        let after = if share > 0.0 { before + 1 } else { before };
+        (1.0 - share) * s.yaw_rate[before] + share * s.yaw_rate[after]
+    };
     let of = |value: &dyn Fn(usize) -> f64| -> Series { (0..s.len()).map(value).collect() };
     let turning = if s.pitch.is_empty() {
         vec![]
     } else {
-        vec![(of(&|i| s.yaw_rate[i] * s.pitch[i].sin()), 1), (of(&|i| s.yaw_rate[i] * s.pitch_rate[i]), 0)]
+        vec![(of(&|i| yaw_rate(i) * s.pitch[i].sin()), 1), (of(&|i| yaw_rate(i) * s.pitch_rate[i]), 0)]
     };
     Joint {
         angle: vec![(s.roll.clone(), 0)],
         rate: vec![(s.roll_rate.clone(), 0)],
-        seat: vec![(of(&|i| s.yaw_rate[i] * s.speed[i]), 0)],
+        seat: vec![(of(&|i| yaw_rate(i) * s.speed[i]), 0)],
         turning,
     }
+}
+
+/// How late an angle is.
+#[derive(Clone, Copy, Debug)]
+struct Lateness {
+    /// s
+    delay: f64,
+    /// Its standard error, s.
+    std: f64,
+    /// What the simulation leaves of angle and rate: sum of the logarithms of the root mean squares.
+    cost: f64,
 }
 
 /// What a part of a log holds at every instant.
@@ -244,8 +291,8 @@ fn rows(part: &Part, theta: &Vector, settle: usize) -> Vec<(usize, [Row; 2])> {
     all
 }
 
-/// How late an angle is, s, and the standard error, from a first guess of `w2`; none where the sway is not explained.
-fn lateness(parts: &[Part], body: &Body, w2: f64) -> Option<(f64, f64)> {
+/// How late an angle is, from a first guess of `w2`; none where the sway is not explained.
+fn lateness(parts: &[Part], body: &Body, w2: f64) -> Option<Lateness> {
     let step = parts.first()?.step;
     let settle = (FORGOTTEN / (RATIO * w2.sqrt()) / step).ceil() as usize;
     let given = body.b / body.j;
@@ -306,7 +353,8 @@ fn lateness(parts: &[Part], body: &Body, w2: f64) -> Option<(f64, f64)> {
             spread *= blocks.len() as f64 / (blocks.len() - N) as f64;
             spread[(2, 2)] += prior;
             let covariance = inverse * spread * inverse;
-            return Some((theta[3], covariance[(3, 3)].sqrt()));
+            let cost = now.iter().map(|left| left.ln()).sum();
+            return Some(Lateness { delay: theta[3], std: covariance[(3, 3)].sqrt(), cost });
         }
     }
     None
