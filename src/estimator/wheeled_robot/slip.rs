@@ -27,6 +27,8 @@ use serde::{Deserialize, Serialize};
 /// Deviations that a normal number exceeds on either side once in 16 000 times: in windows of 0.35 s, those of the defaults, less
 /// than once in an hour.
 const CHANCE: f64 = 4.0;
+/// Deviations beyond which the speed counts as uncertain by what the wheels have gained: seldom chance.
+const SUSPECT: f64 = 2.0;
 /// Time over which the error of a slipping wheel's speed is correlated, that for which drivers and controllers let wheels slip, s:
 /// chosen. No window is longer.
 const CORRELATED: f64 = 1.0;
@@ -47,7 +49,7 @@ pub(super) struct Slip {
     /// Time since it was last taken to be right, and since the wheels last gained or lost, s.
     age: f64,
     calm: f64,
-    /// Standard deviation that the speed has at least beside wheels that disagree, m/s.
+    /// Standard deviation that the speed has at least beside wheels that disagree or may slip, m/s.
     doubt: f64,
 }
 
@@ -89,7 +91,9 @@ impl Slip {
         self.calm = if spins || was_right { 0.0 } else { (self.calm + dt).min(LONG_AGO) };
         let off = (sample.speed - sample.expected).abs();
         // where the wheels only differ and do not gain, either of both speeds may be right
-        self.doubt = if self.calm > window { 0.5 * off } else { 0.0 };
+        let either = if self.calm > window { 0.5 * off } else { 0.0 };
+        let suspected = if gained > SUSPECT * chance.sqrt() { gained } else { 0.0 };
+        self.doubt = either.max(suspected);
         // a speed that has not gained on the vehicle is no slip, whatever the model expects
         let far = !was_right && off > CHANCE * (sample.variance.sqrt() + sample.bias * self.age);
         let rolls_again = far && self.calm > CALM;
