@@ -49,44 +49,44 @@
 //! | ground | `basic` | `bias` | `acceleration_input` | `gravity_vector` |
 //! |---|---|---|---|---|
 //! | flat | 0.6 0.6, 100 100 0.0 | 1.1 1.1, 100 100 0.0 | 4.0 4.0, 100 100 0.0 | 1.0 4.3, 100 100 0.0 |
-//! | ramp, 4 degrees | 0.8 0.8, 100 100 0.0 | 1.0 1.0, 100 100 0.0 | 2.9 2.9, 100 100 0.0 | 1.0 2.3, 100 100 0.0 |
+//! | ramp, 4 degrees | 0.8 0.8, 100 100 0.0 | 1.0 1.0, 100 100 0.0 | 2.9 2.9, 100 100 0.0 | 1.0 2.4, 100 100 0.0 |
 //! | the same at 60 degrees | 1.0 1.1, 100 100 0.0 | 1.1 1.3, 100 100 0.0 | 1.2 1.4, 100 100 0.1 | 1.0 3.1, 100 100 0.0 |
 //! | the same, moment not reported | 1.0 1.1, 100 100 0.0 | 2.0 2.3, 100 100 0.0 | 3.0 3.5, 97 100 0.1 | 1.0 3.2, 100 100 0.0 |
-//! | ramp, `initial.heading` 0 | 6.9 87.5, 99 90 0.1 | 7.4 85.9, 99 90 0.0 | 9.7 84.8, 99 90 0.2 | 1.0 2.3, 100 100 0.0 |
+//! | ramp, `initial.heading` 0 | 6.8 90.2, 99 90 0.1 | 7.4 88.9, 99 90 0.0 | 9.5 87.9, 99 90 0.1 | 1.0 2.4, 100 100 0.0 |
 //! | starts braked on 1 degree | 4.1 4.0, 100 100 0.9 | 16.0 15.9, 100 100 0.1 | 12.4 12.4, 91 100 0.0 | 15.9 13.5, 100 100 0.0 |
-//! | starts braked on 2 degrees | 7.9 7.7, 99 93 0.7 | 8.8 8.7, 100 100 0.4 | 11.6 11.6, 100 100 0.1 | 8.8 8.1, 100 99 0.0 |
-//! | starts braked on the ramp | 15.7 15.5, 99 84 0.5 | 7.4 7.2, 100 100 0.0 | 10.0 9.9, 100 100 0.0 | 7.2 6.9, 100 100 0.0 |
-//! | the same at 60 degrees | 10.4 11.6, 100 85 0.2 | 4.0 4.7, 99 100 0.0 | 2.8 3.2, 100 100 0.5 | 6.4 8.9, 100 100 0.0 |
-//! | the same at 0 degrees | 0.1 3.5, 97 100 0.4 | 0.1 3.6, 100 100 0.0 | 0.1 3.6, 100 100 0.7 | 1.0 11.0, 100 100 0.0 |
+//! | starts braked on 2 degrees | 7.9 7.7, 99 93 0.7 | 8.6 8.5, 100 99 0.4 | 11.6 11.6, 100 100 0.1 | 8.6 8.0, 100 98 0.0 |
+//! | starts braked on the ramp | 15.7 15.5, 99 84 0.5 | 6.6 6.5, 100 100 0.0 | 10.0 9.9, 100 100 0.0 | 6.4 6.2, 100 100 0.0 |
+//! | the same at 60 degrees | 10.4 11.6, 100 85 0.2 | 3.7 4.3, 100 100 0.0 | 2.8 3.3, 100 100 0.4 | 5.8 8.3, 100 100 0.0 |
+//! | the same at 0 degrees | 0.1 3.5, 97 100 0.4 | 0.1 3.6, 100 100 0.0 | 0.1 3.6, 100 100 0.4 | 1.0 10.9, 100 100 0.0 |
 //! | cross slope, 2 degrees | 0.6 8.2, 100 95 0.1 | 1.1 8.6, 100 95 0.0 | 4.0 8.2, 100 95 0.0 | 1.1 4.0, 100 100 0.0 |
 //! | the same, moment not reported | 0.6 8.1, 100 95 0.0 | 1.1 8.5, 100 95 0.0 | 3.9 8.1, 100 95 0.0 | 1.1 4.1, 100 100 0.0 |
 //! | circles on it | 0.7 8.1, 100 95 0.1 | 1.3 8.1, 100 95 0.0 | 3.9 8.0, 100 95 0.0 | 1.2 3.4, 100 100 0.0 |
-//! | ramp, shaken by 0.2 m/s2 | 0.6 0.6, 100 100 0.0 | 1.9 1.9, 100 100 0.0 | 3.8 3.7, 100 100 0.4 | 1.9 4.3, 100 100 0.1 |
-//! | ramp, shaken by 1 m/s2 | 0.6 0.6, 100 100 0.0 | 3.1 3.1, 100 100 0.0 | 5.4 5.4, 100 100 0.3 | 3.1 9.1, 100 88 0.4 |
-//! | the same, coloured | 0.6 0.6, 100 100 0.0 | 4.6 4.6, 100 100 0.0 | 9.6 9.6, 100 100 0.7 | 4.6 12.4, 99 89 0.6 |
-//! | ramp, shaken by 2 m/s2, coloured | 0.6 0.6, 100 100 0.0 | 3.7 3.7, 100 100 0.0 | 11.3 11.3, 100 100 0.3 | 3.7 10.4, 100 87 0.1 |
+//! | ramp, shaken by 0.2 m/s2 | 0.6 0.6, 100 100 0.0 | 2.0 2.0, 100 100 0.0 | 3.7 3.7, 100 100 0.4 | 2.0 4.3, 100 100 0.1 |
+//! | ramp, shaken by 1 m/s2 | 0.6 0.6, 100 100 0.0 | 3.1 3.1, 100 100 0.0 | 5.4 5.4, 100 100 0.3 | 3.1 9.2, 100 87 0.4 |
+//! | the same, coloured | 0.6 0.6, 100 100 0.0 | 4.3 4.3, 100 100 0.0 | 9.3 9.3, 100 100 0.4 | 4.3 10.9, 100 88 0.5 |
+//! | ramp, shaken by 2 m/s2, coloured | 0.6 0.6, 100 100 0.0 | 3.7 3.7, 100 100 0.0 | 11.1 11.1, 100 100 0.2 | 3.6 9.9, 100 87 0.1 |
 //!
 //! On a cross slope a second and a half of the ride is flagged; on a ramp of which the heading was said to be 0 the slope is
 //! wrong by a radian for as long. Of 24 other runs on each of four vibrations of 1 and 2 m/s2, of which up to 0.7 is left after
-//! 10 ms, the worst is wrong and healthy for 1.8 % of the ride with `bias`, 1.2 % with `gravity_vector` and 0.9 % with
-//! `acceleration_input` (means of at most 0.1, 0.4 and 0.4 %), to which coloured vibration costs most: 13 mrad at 1 m/s2 with 0.7
-//! left, 20 at 2. If 0.85 of it is left, vibration is beyond what is recognised: the worst of 24 is wrong and healthy for 21, 19 and
-//! 32 % of the ride at 1 m/s2 (means of 1.0, 1.4 and 3.1 %).
+//! 10 ms, the worst is wrong and healthy for 0 % of the ride with `bias`, 0.9 % with `gravity_vector` and 0.3 % with
+//! `acceleration_input` (means of at most 0.0, 0.1 and 0.1 %), to which coloured vibration costs most: 11 mrad at 1 m/s2 with 0.7
+//! left, 17 at 2. If 0.85 of it is left, the worst of 72 is wrong and healthy for 1.8, 1.7 and 14 % of the ride at 1 m/s2 (means of 0.0,
+//! 0.2 and 1.0 %): where it drives the motion, as in `acceleration_input`, such vibration is beyond what is recognised.
 //!
 //! A chair of MuJoCo, with casters, slip and soft contacts, on the same grounds, made of boxes
 //! (`tests/oracles/wheelchair_ground.py Wheelchair.fmu` makes the table, `tests/fmpy/test_wheelchair_mujoco.py` holds bounds):
 //!
 //! | ground | `basic` | `bias` | `acceleration_input` | `gravity_vector` |
 //! |---|---|---|---|---|
-//! | flat | 1.2 0.7, 100 100 0.0 | 1.4 0.8, 100 100 0.0 | 2.1 2.0, 100 100 1.2 | 1.5 3.2, 100 100 0.0 |
-//! | ramp, 4 degrees | 1.6 1.5, 100 100 0.0 | 1.3 1.0, 100 100 0.0 | 2.1 2.0, 100 100 1.2 | 1.3 2.0, 100 100 0.0 |
-//! | the same at 60 degrees | 2.2 2.2, 99 100 1.6 | 1.6 1.5, 100 100 0.0 | 1.4 1.5, 100 100 0.9 | 1.3 2.8, 100 100 0.0 |
-//! | the same, moment not reported | 2.0 2.0, 99 100 1.1 | 1.9 2.2, 100 100 0.0 | 2.5 3.0, 99 100 0.9 | 1.3 2.8, 100 100 0.0 |
-//! | starts braked on 2 degrees | 5.4 5.4, 99 94 0.1 | 9.2 9.2, 100 98 0.0 | 6.8 6.8, 100 100 1.2 | 9.1 8.6, 100 98 0.0 |
-//! | starts braked on 4 degrees | 12.3 12.3, 99 84 0.6 | 4.7 4.6, 100 100 0.0 | 5.6 5.6, 100 100 1.2 | 4.8 4.7, 100 100 0.0 |
-//! | cross slope, 2 degrees | 1.3 10.1, 98 96 0.5 | 1.5 10.4, 99 96 0.1 | 1.9 10.3, 99 96 1.2 | 1.4 5.9, 100 97 0.1 |
-//! | ramp, shaken by 1 m/s2 | 1.2 1.1, 100 100 0.0 | 3.6 3.5, 100 100 0.0 | 6.8 6.7, 100 100 1.0 | 3.6 10.4, 100 81 0.4 |
-//! | the same, coloured | 1.2 1.1, 100 100 0.0 | 4.6 4.5, 100 100 0.0 | 10.3 10.2, 100 99 1.0 | 4.6 14.8, 99 82 0.9 |
+//! | flat | 1.2 0.7, 100 100 0.0 | 1.5 0.8, 100 100 0.0 | 2.1 2.0, 100 100 0.9 | 1.5 3.2, 100 100 0.0 |
+//! | ramp, 4 degrees | 1.6 1.5, 100 100 0.0 | 1.3 1.0, 100 100 0.0 | 2.1 2.0, 100 100 0.9 | 1.3 2.0, 100 100 0.0 |
+//! | the same at 60 degrees | 2.2 2.3, 99 100 1.5 | 1.5 1.4, 100 100 0.0 | 1.4 1.6, 100 100 0.7 | 1.3 2.9, 100 100 0.0 |
+//! | the same, moment not reported | 2.0 2.1, 99 100 1.8 | 1.8 2.0, 100 100 0.0 | 2.6 3.2, 98 100 0.7 | 1.3 2.9, 100 100 0.0 |
+//! | starts braked on 2 degrees | 5.4 5.4, 99 94 0.1 | 9.2 9.2, 100 98 0.0 | 6.8 6.8, 100 100 1.0 | 9.1 8.6, 100 97 0.0 |
+//! | starts braked on 4 degrees | 12.3 12.3, 99 84 0.6 | 3.8 3.8, 100 100 0.0 | 5.6 5.6, 100 100 0.7 | 4.0 3.8, 100 100 0.0 |
+//! | cross slope, 2 degrees | 1.3 10.2, 98 96 0.0 | 1.5 10.4, 99 96 0.0 | 1.9 10.3, 99 96 0.9 | 1.4 5.8, 100 97 0.0 |
+//! | ramp, shaken by 1 m/s2 | 1.2 1.1, 100 100 0.0 | 3.6 3.5, 100 100 0.0 | 6.9 6.9, 100 100 0.8 | 3.6 10.1, 100 81 0.4 |
+//! | the same, coloured | 1.2 1.1, 100 100 0.0 | 4.6 4.5, 100 100 0.0 | 11.7 11.6, 98 100 0.6 | 4.5 12.4, 100 81 0.2 |
 //!
 //! What is wrong and healthy there beyond 1 %: the speed of `acceleration_input` by a centimetre per second while it pulls away, and the
 //! heading of `basic` on the oblique ramp.

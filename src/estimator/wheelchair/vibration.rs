@@ -4,8 +4,9 @@
 //! innovations of neighbouring samples lie apart. With `D_k = E[(nu_t - nu_(t-k))^2]/2`, less the accelerometer's own noise, and
 //! vibration that is left after a sample to a share `c`, `D_1 = V (1 - c)` and `D_2 = V (1 - c^2)`: `c = D_2/D_1 - 1`.
 //! A filter that takes its noise for white needs the variance of white noise with the same mean over many samples,
-//! `V (1 + c)/(1 - c)`. An onset counts at once: what vibration makes of force, bias and slope within the first samples, before it is
-//! known of, stays for the rest of the ride. The source has nothing of the kind.
+//! `V (1 + c)/(1 - c) = D_1 (1 + c)/(1 - c)^2`. An onset counts at once: what vibration makes of force, bias and slope within the
+//! first samples, before it is known of, stays for the rest of the ride. It shows `D_1` in some samples and `c` not before some dozens:
+//! so long a large share is taken to be left. The source has nothing of the kind.
 
 use super::outliers::{ACCEL_X, DIVERGED};
 use crate::filter::ekf::Rows;
@@ -25,6 +26,8 @@ const COLOUR: f64 = 3.0;
 /// does not reach. What is not counted until the long mean has followed has moved the slope by then, or the force's gain.
 const ONSET: f64 = 0.04;
 const SUDDEN: f64 = 5.0;
+/// The share that counts until both are averaged.
+const UNKNOWN: f64 = 0.7;
 /// The largest share that vibration keeps after a sample.
 const SLOWEST: f64 = 0.8;
 /// `D_2/D_1` is at most 2 for what has any such share, and 4 for motion, which is smooth: up to the first ratio it counts
@@ -42,6 +45,8 @@ struct Axis {
     colour: [f64; 2],
     /// `D_1` over `ONSET`.
     sudden: f64,
+    /// For how long it has been beyond what the accelerometer's own noise reaches, s, less the time without since then.
+    lasts: f64,
 }
 
 impl Axis {
@@ -62,10 +67,16 @@ impl Axis {
         self.samples = (self.samples + 1).min(2);
     }
 
-    /// [`variance`](Self::variance), or what an onset shows if it is more.
-    fn with_onset(&self, noise: f64) -> f64 {
-        let onset = if self.sudden > SUDDEN * noise { self.sudden - noise } else { 0.0 };
-        self.variance(noise).max(onset)
+    /// [`variance`](Self::variance), or what an onset shows if it is more, `dt` seconds after the sample before.
+    fn with_onset(&mut self, noise: f64, dt: f64) -> f64 {
+        let variance = self.variance(noise);
+        if self.sudden <= SUDDEN * noise {
+            self.lasts = (self.lasts - dt).max(0.0);
+            return variance;
+        }
+        self.lasts = (self.lasts + dt).min(TIME);
+        let kept = if self.lasts < TIME { UNKNOWN } else { 0.0 };
+        variance.max(white(self.sudden - noise, kept))
     }
 
     /// Variance of white noise that does what the vibration does, (m/s^2)^2.
@@ -79,8 +90,13 @@ impl Axis {
         let broadband = ((MOTION.1 - ratio) / (MOTION.1 - MOTION.0)).clamp(0.0, 1.0);
         let longer = (self.colour[1] - noise) / (self.colour[0] - noise).max(noise);
         let kept = (longer.max(ratio) - 1.0).clamp(0.0, SLOWEST);
-        felt * broadband * neighbours * (1.0 + kept) / ((1.0 - kept) * (1.0 - kept))
+        felt * broadband * white(neighbours, kept)
     }
+}
+
+/// Variance of white noise with the mean of noise of which the share `kept` is left after a sample, from its `D_1`.
+fn white(apart: f64, kept: f64) -> f64 {
+    apart * (1.0 + kept) / ((1.0 - kept) * (1.0 - kept))
 }
 
 /// The vibration of the three axes.
@@ -106,7 +122,7 @@ impl Vibration {
                 continue;
             }
             axis.learn(innovation, own, shares, largest);
-            let (lasting, variance) = (axis.variance(own), axis.with_onset(own));
+            let (lasting, variance) = (axis.variance(own), axis.with_onset(own, dt));
             rows.noise[(row, row)] += if gated { lasting } else { variance };
             if k == 0 {
                 self.forward = variance;

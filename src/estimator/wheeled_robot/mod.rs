@@ -111,7 +111,7 @@
 //! | multi-body car: accelerates and brakes | 0.091 | 1.00 | 1.00 | 0.000 | 0.000 |
 //! | multi-body car: drives off at the limit | 0.070 | 1.00 | 0.75 | 0.000 | 0.535 |
 //! | multi-body car: stops, a wheel locks | 0.261 | 1.00 | 0.63 | 0.000 | 0.018 |
-//! | multi-body car: slides on slippery ground | 0.908 | 0.93 | 0.46 | 0.000 | 0.216 |
+//! | multi-body car: slides on slippery ground | 0.908 | 0.99 | 0.46 | 0.000 | 0.216 |
 //!
 //! Four wheels that spin, no torques measured, no `tire.combined`: `speed_y` is healthy and beyond 3 std in 0.1 % (1.9 % where the
 //! model's lack of the friction ellipse did not count). With a centre of gravity 5 cm of 80 off and known tyres `speed_y` was
