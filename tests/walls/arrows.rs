@@ -47,6 +47,7 @@ pub const CRATES: &[Crate] = &[
             ("output", &[]),
             ("between", &[]),
             ("series", &[]),
+            ("selection", &[]),
             ("columns", &["between", "series"]),
             ("error", &["columns", "progress"]),
             // What a file holds, whatever its format, and the readers of each.
@@ -58,7 +59,7 @@ pub const CRATES: &[Crate] = &[
             ("can", READER),
             // From recordings to a log on one time base.
             ("assemble", &["", "between", "columns", "error", "recording", "series"]),
-            ("sampling", &["", "series"]),
+            ("sampling", &["", "selection", "series"]),
             ("compact", &["", "error", "series"]),
             ("table", &["", "columns", "csv", "error", "hash", "progress", "recording", "wanted"]),
             ("wanted", &["", "columns"]),

@@ -18,6 +18,7 @@ pub mod guard;
 mod hash;
 #[cfg(feature = "mcap")]
 mod mcap;
+
 #[cfg(feature = "mf4")]
 mod mf4;
 pub mod output;
@@ -26,12 +27,14 @@ mod parquet;
 pub mod progress;
 mod recording;
 mod sampling;
+mod selection;
 mod series;
 mod table;
 mod wanted;
 
 pub use columns::{ColumnMap, listed};
 pub use error::LogError;
+pub use selection::median;
 pub use series::Series;
 pub use table::{Samples, TableColumn};
 

@@ -1,6 +1,6 @@
 //! Sampling of a log: its period, its gaps, parts of it.
 
-use super::{Channel, Log, Series};
+use super::{Channel, Log, Series, median};
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -10,12 +10,12 @@ const UNIFORM: f64 = 0.01;
 impl Log {
     /// The usual time between two samples: the median, s.
     pub fn period(&self) -> f64 {
-        let mut steps: Vec<f64> = self.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        if steps.is_empty() {
-            return f64::NAN;
-        }
-        let middle = steps.len() / 2;
-        *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+        let time = self.time.as_slice();
+        let steps = |first: usize, to: &mut [f64]| {
+            let pairs = time[first..].iter().zip(&time[first + 1..]);
+            to.iter_mut().zip(pairs).for_each(|(step, (before, after))| *step = after - before);
+        };
+        median(time.len().saturating_sub(1), steps).map_or(f64::NAN, |(period, _)| period)
     }
 
     /// From the first to the last sample, s.

@@ -3,23 +3,30 @@
 //! To first order every entry of a row is a weighted sum of noise samples; the covariance of two
 //! entries is the sum of products of their weights times the sensor's variance.
 
+use crate::log::median;
 use crate::solve::Rows;
 
 /// Standard deviation of the white noise of a signal: from its third differences, in which any smooth
 /// motion vanishes. NaN samples are left out; 0 if there are too few samples.
 pub fn noise_of(x: &[f64]) -> f64 {
-    let third = |w: &[f64]| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs();
-    let mut sizes: Vec<f64> = x.windows(4).map(third).filter(|value| value.is_finite()).collect();
-    if sizes.len() < 10 {
-        return 0.0;
+    let windows = x.len().saturating_sub(3);
+    let thirds = |first: usize, to: &mut [f64]| {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| &x[first + k..]);
+        let samples = a.iter().zip(b).zip(c).zip(d);
+        to.iter_mut().zip(samples).for_each(|(to, (((a, b), c), d))| *to = (d - 3.0 * c + 3.0 * b - a).abs());
+    };
+    match median(windows, thirds) {
+        Some((_, count)) if count < 10 => 0.0,
+        None => 0.0,
+        Some((median, _)) if median > 0.0 => 1.4826 * median / 20f64.sqrt(),
+        // Coarse quantisation: most differences vanish, the mean square still tells.
+        Some((_, count)) => {
+            let mut sizes = vec![0.0; windows];
+            thirds(0, &mut sizes);
+            let squares = sizes.iter().filter(|size| size.is_finite()).map(|size| size * size);
+            (squares.sum::<f64>() / count as f64 / 20.0).sqrt()
+        }
     }
-    let middle = sizes.len() / 2;
-    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
-    if *median > 0.0 {
-        return 1.4826 * *median / 20f64.sqrt();
-    }
-    // Coarse quantisation: most differences vanish, the mean square still tells.
-    (sizes.iter().map(|size| size * size).sum::<f64>() / sizes.len() as f64 / 20.0).sqrt()
 }
 
 /// One sensor's part in a row: its channel, a list of weights per entry of `[row, right-hand side]`, and the standard
