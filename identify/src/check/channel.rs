@@ -1,7 +1,7 @@
 //! Each channel by itself: there at all, alive, within its range, fine enough, not clipped, not wrapped.
 
 use super::relation::HARMLESS;
-use super::{Accelerometer, Finding, Severity, Subject, finding, fits, short};
+use super::{Accelerometer, Finding, Severity, Subject, finding, fits, scan, short};
 use crate::log::{Channel, Log};
 use wheelstate::Variable;
 
@@ -27,6 +27,8 @@ const ENCODER_WINDOW: f64 = 0.15;
 /// Specific force of a machine that carries people, on average, over gravity.
 const GRAVITY: (f64, f64) = (0.8, 1.25);
 const G: f64 = 9.80665;
+/// Samples that are looked at together.
+const STRETCH: usize = 64;
 
 /// What is wrong with the channels of a log.
 pub fn check(subject: &Subject, log: &Log) -> Vec<Finding> {
@@ -103,48 +105,71 @@ struct Profile {
 
 impl Profile {
     fn of(values: &[f64], long: usize) -> Self {
+        let extent = scan::extent(values);
         let mut profile = Self {
-            samples: 0,
-            low: f64::INFINITY,
-            high: f64::NEG_INFINITY,
+            samples: extent.count,
+            low: extent.low,
+            high: extent.high,
             lonely: 0,
             pairs: 0,
             equal: 0,
             step: f64::INFINITY,
             runs: Vec::new(),
         };
-        for value in values.iter().filter(|value| value.is_finite()) {
-            profile.samples += 1;
-            profile.low = profile.low.min(*value);
-            profile.high = profile.high.max(*value);
-        }
         let least = 1e-9 * (profile.high - profile.low).max(1e-3 * profile.high.abs().max(profile.low.abs()));
+        let whole = profile.samples == values.len();
+        // First of the present run of equal values.
         let mut start = 0;
-        for k in 0..values.len() {
-            let missing = |k: usize| values.get(k).is_none_or(|value| value.is_nan());
-            if !missing(k) && (k == 0 || missing(k - 1)) && missing(k + 1) {
-                profile.lonely += 1;
-            }
-            let repeats = k > 0 && values[k] == values[k - 1];
-            if k > 0 && !missing(k) && !missing(k - 1) {
-                profile.pairs += 1;
-                let change = (values[k] - values[k - 1]).abs();
-                if change > least {
-                    profile.step = profile.step.min(change);
+        let mut from = 0;
+        while from < values.len() {
+            let to = (from + STRETCH).min(values.len());
+            if whole && from > 0 {
+                let (step, equal) = scan::smallest_change(&values[from - 1..to], least);
+                profile.step = profile.step.min(step);
+                profile.pairs += to - from;
+                // Most stretches have no equal neighbours, the value before them included.
+                if equal == 0 && start + 1 == from && to < values.len() {
+                    start = to - 1;
+                    from = to;
+                    continue;
                 }
+            } else {
+                (from..to).for_each(|k| profile.compare(values, k, least));
             }
-            if !repeats || k + 1 == values.len() {
-                let end = if repeats { k + 1 } else { k };
-                if end - start >= long {
-                    profile.runs.push(Run { from: start, to: end });
-                    profile.pairs -= end - start - 1;
-                } else {
-                    profile.equal += (end - start).saturating_sub(1);
-                }
-                start = k;
-            }
+            (from..to).for_each(|k| profile.run(values, k, long, &mut start));
+            from = to;
         }
         profile
+    }
+
+    /// Compares a value with its neighbours.
+    fn compare(&mut self, values: &[f64], k: usize, least: f64) {
+        let missing = |k: usize| values.get(k).is_none_or(|value| value.is_nan());
+        if !missing(k) && (k == 0 || missing(k - 1)) && missing(k + 1) {
+            self.lonely += 1;
+        }
+        if k > 0 && !missing(k) && !missing(k - 1) {
+            self.pairs += 1;
+            let change = (values[k] - values[k - 1]).abs();
+            if change > least {
+                self.step = self.step.min(change);
+            }
+        }
+    }
+
+    /// Ends the run of equal values that starts at `start` before a value that differs.
+    fn run(&mut self, values: &[f64], k: usize, long: usize, start: &mut usize) {
+        let repeats = k > 0 && values[k] == values[k - 1];
+        if !repeats || k + 1 == values.len() {
+            let end = if repeats { k + 1 } else { k };
+            if end - *start >= long {
+                self.runs.push(Run { from: *start, to: end });
+                self.pairs -= end - *start - 1;
+            } else {
+                self.equal += (end - *start).saturating_sub(1);
+            }
+            *start = k;
+        }
     }
 
     /// Samples in a row that are not equal by chance, if neighbours are equal as often as they usually are: a sensor
@@ -230,6 +255,9 @@ fn one(subject: &Subject, log: &Log, period: f64, channel: &Channel, variable: O
 /// Values that the declaration of the input excludes.
 fn outside(log: &Log, variable: &Variable, values: &[f64], profile: &Profile) -> Option<Finding> {
     let (low, high) = variable.range;
+    if low <= profile.low && profile.high <= high {
+        return None;
+    }
     let beyond = |value: &f64, scale: f64| value.is_finite() && !(low..=high).contains(&(value * scale));
     let count = values.iter().filter(|value| beyond(value, 1.0)).count();
     if (count as f64) < OUTSIDE * profile.samples as f64 {
@@ -354,9 +382,12 @@ fn clipped(log: &Log, name: &str, values: &[f64], profile: &Profile) -> Option<F
             continue;
         }
         let exact = values.iter().filter(|value| **value == end).count();
+        if exact < CLIPPED.0 || (exact as f64) < CLIPPED.1 * profile.samples as f64 {
+            continue;
+        }
         let beside = values.iter().filter(|value| **value != end && (**value - end).abs() < near).count();
         let in_runs = values.windows(3).filter(|w| w.iter().all(|value| *value == end)).count();
-        if exact < CLIPPED.0 || (exact as f64) < CLIPPED.1 * profile.samples as f64 || exact < 3 * beside {
+        if exact < 3 * beside {
             continue;
         }
         // One long stretch is a frozen sensor or a rest, not a clipped one.
@@ -378,15 +409,9 @@ fn clipped(log: &Log, name: &str, values: &[f64], profile: &Profile) -> Option<F
 /// Steps that are a good part of what the channel does within so many samples.
 fn coarse(log: &Log, name: &str, values: &[f64], profile: &Profile, samples: usize) -> Option<Finding> {
     let samples = samples.clamp(1, values.len());
-    let mut changes = (0.0, 0);
-    for (before, after) in values.iter().zip(&values[samples..]) {
-        let change = after - before;
-        if change.is_finite() {
-            changes = (changes.0 + change * change, changes.1 + 1);
-        }
-    }
-    let usual = (changes.0 / f64::from(changes.1)).sqrt();
-    if changes.1 < 100 || !profile.step.is_finite() || profile.step < COARSE * usual || usual == 0.0 {
+    let (squares, count) = scan::squared_changes(values, samples);
+    let usual = (squares / count as f64).sqrt();
+    if count < 100 || !profile.step.is_finite() || profile.step < COARSE * usual || usual == 0.0 {
         return None;
     }
     let message = format!(

@@ -16,6 +16,7 @@
 pub mod channel;
 mod gram;
 pub mod relation;
+mod scan;
 mod signals;
 pub mod time;
 pub(crate) mod window;

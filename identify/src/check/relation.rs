@@ -17,6 +17,7 @@ use super::gram::Gram;
 use super::window::Filter;
 use super::{Finding, Severity, Signals, finding, short};
 use crate::log::{Log, Series};
+use multiversion::multiversion;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -229,6 +230,7 @@ fn around(numbers: &[usize], reach: usize) -> Vec<Range<usize>> {
 
 /// The sums over some instants for every lag of the late terms, from `-reach` to `reach`. At each instant all lags are
 /// taken together: they stand side by side.
+#[multiversion(targets("x86_64+avx+avx2"))]
 fn by_lag(terms: &[&Term], values: &[Vec<f64>], instants: &[usize], reach: usize) -> Vec<Gram> {
     let (n, lags) = (terms.len(), 2 * reach + 1);
     let late = |i: usize| terms[i].side == Side::Late;
