@@ -71,6 +71,7 @@
 //! logs for the result, again on the first 60 % of each log to `validate` on the rest, again on each of several
 //! logs to compare them, and, on fewer windows, with every cause of error that no log shows one step off.
 
+pub mod angles;
 mod considered;
 mod findings;
 mod fit;

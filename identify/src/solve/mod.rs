@@ -143,6 +143,14 @@ impl Rows {
         }
     }
 
+    /// Makes room for so many more rows.
+    pub fn reserve(&mut self, rows: usize) {
+        self.a.reserve(rows * self.columns);
+        self.y.reserve(rows);
+        self.cluster.reserve(rows);
+        self.neglected.reserve(rows);
+    }
+
     /// Adds a row; one with a value that is not finite is left out, and `false` says so.
     pub fn push(&mut self, row: &[f64], rhs: f64, cluster: u32) -> bool {
         debug_assert_eq!(row.len(), self.columns);

@@ -36,12 +36,15 @@ mod validate;
 
 use crate::assess::Limits;
 use crate::log::Log;
+use crate::problem::noise::noise_of;
 use crate::problem::weak_form::ModulatingFunction;
 use crate::problem::{FitError, Fitted, Judgement, Known, Offset, Problem, Session, Target, Task};
 use crate::progress::Progress;
 use crate::solve::{Regression, Rows, Unknown};
 use refine::{Segment, Setup};
 use rows::{Body, Drive, GRAVITY, Signals, Windows};
+use std::cell::OnceCell;
+use std::ops::Range;
 use std::sync::Arc;
 use sway::Passive;
 use wheelstate::Variables;
@@ -97,6 +100,7 @@ pub(super) struct Windowed {
     signals: Signals,
     sway: Arc<ModulatingFunction>,
     overlap: usize,
+    speed_noise: OnceCell<f64>,
 }
 
 impl Windowed {
@@ -107,6 +111,11 @@ impl Windowed {
 
     pub(super) fn sway(&self, progress: Progress) -> Windows<'_> {
         self.windows(&self.sway, progress)
+    }
+
+    /// Standard deviation of the speed's white noise, m/s, which all equations have in them.
+    fn speed_noise(&self) -> f64 {
+        *self.speed_noise.get_or_init(|| noise_of(&self.signals.speed))
     }
 }
 
@@ -126,7 +135,7 @@ pub(super) fn windowed(task: &Task) -> Result<Vec<Windowed>, FitError> {
         };
         before = Some((signals.period, Arc::clone(&sway)));
         let overlap = if task.coarse { COARSE_OVERLAP } else { rows::OVERLAP };
-        Ok(Windowed { signals, sway, overlap })
+        Ok(Windowed { signals, sway, overlap, speed_noise: OnceCell::new() })
     };
     task.logs.iter().map(of).collect()
 }
@@ -204,7 +213,7 @@ fn apparent_slope(windows: &Windows) -> Option<Offset> {
         return None;
     }
     let starts: Vec<usize> = windows.starts().collect();
-    let terms = |i: usize| [s.accel[i], s.speed[i]];
+    let terms = |samples: Range<usize>| samples.map(|i| [s.accel[i], s.speed[i]]).collect();
     let differences = rows::each(windows, &starts, terms, |terms, at| {
         let of = |[psi, slope, _]: [f64; 3], [accel, speed]: &[f64; 2]| [psi * accel, slope * speed, psi];
         let [accel, speed, one] = terms.integrals(windows.psi, at, of);
@@ -360,7 +369,7 @@ fn output_error(
         let speed = &segment.signals.speed[segment.samples.clone()];
         let mean = speed.iter().sum::<f64>() / speed.len() as f64;
         let spread = (speed.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / speed.len() as f64).sqrt();
-        spread > 5.0 * crate::problem::noise::noise_of(speed)
+        spread > 5.0 * noise_of(speed)
     };
     if !tilt && !segments.iter().any(moves) {
         let reason = "the speed hardly changes beyond its noise, so the body does not sway";

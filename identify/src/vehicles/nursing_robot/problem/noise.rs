@@ -33,7 +33,7 @@ fn joint(log: &Windowed, body: &Body, channel: &'static str, angle: &[f64], coup
     let rhs = sum(scaled(psi2, -body.j), scaled(psi, body.b * GRAVITY));
     let on_angle = vec![psi.clone(), scaled(psi1, -1.0), zero.clone(), rhs];
     let on_speed = vec![zero.clone(), zero.clone(), zero, scaled(psi1, coupling)];
-    vec![(channel, on_angle, noise(angle)), ("speed", on_speed, noise(&log.signals.speed))]
+    vec![(channel, on_angle, noise(angle)), ("speed", on_speed, log.speed_noise())]
 }
 
 pub(super) fn pitch(rows: &mut Rows, logs: &[Windowed], body: &Body) {
@@ -95,7 +95,7 @@ pub(super) fn drive(rows: &mut Rows, logs: &[Windowed], body: &Body, unknowns: D
                 (on_speed, on_force, on_accel)
             }
         };
-        let mut parts = vec![("speed", on_speed, noise(&signals.speed)), ("torque", on_force, noise(&signals.force))];
+        let mut parts = vec![("speed", on_speed, log.speed_noise()), ("torque", on_force, noise(&signals.force))];
         if accelerometer {
             parts.push(("accel_x", on_accel, noise(&signals.accel)));
         }

@@ -14,10 +14,13 @@
 //! enters as a second-order term only, is the measured one or the slope of an 11-point quadratic.
 
 use crate::log::Series;
+use crate::problem::angles::Angles;
 use crate::problem::weak_form::ModulatingFunction;
 use crate::progress::Progress;
 use crate::solve::Rows;
+use multiversion::multiversion;
 use rayon::prelude::*;
+use std::ops::Range;
 pub use wheelstate::model::nursing_robot::GRAVITY;
 
 /// What is known of robot and person.
@@ -143,7 +146,7 @@ impl Windows<'_> {
         each(
             self,
             starts,
-            |i| [rate[i], lean[i]],
+            |samples| samples.map(|i| [rate[i], lean[i]]).collect(),
             |terms, at| {
                 let [rate, lean] = terms.integrals(self.psi, at, |psi, [rate, lean]| [psi[0] * rate, psi[1] * lean]);
                 rate - lean
@@ -174,6 +177,7 @@ pub(super) struct Terms<const N: usize> {
 impl<const N: usize> Terms<N> {
     /// Integrals over the window that starts at a sample, of which `of` says what a sample adds to each, given `psi`, `psi'` and
     /// `psi''` and its terms. Side by side they take hardly longer than one of them.
+    #[inline]
     pub(super) fn integrals<const M: usize>(
         &self,
         psi: &ModulatingFunction,
@@ -181,32 +185,38 @@ impl<const N: usize> Terms<N> {
         of: impl Fn([f64; 3], &[f64; N]) -> [f64; M],
     ) -> [f64; M] {
         let [zeroth, first, second, _] = &psi.weights;
-        // An empty sum is -0.
-        let mut sums = [-0.0; M];
-        for (((psi, slope), bend), terms) in
-            zeroth.iter().zip(first).zip(second).zip(&self.samples[start - self.first..])
-        {
-            let more = of([*psi, *slope, *bend], terms);
-            sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
-        }
-        sums
+        sums([zeroth, first, second], &self.samples[start - self.first..], of)
     }
 }
 
-/// Something of each window, given by its first sample, from the terms of its samples; in parallel and kept in order.
-pub(super) fn each<const N: usize, T: Send>(
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn sums<F, const N: usize, const M: usize>(weights: [&[f64]; 3], samples: &[[f64; N]], of: F) -> [f64; M]
+where
+    F: Fn([f64; 3], &[f64; N]) -> [f64; M],
+{
+    // An empty sum is -0.
+    let mut sums = [-0.0; M];
+    for (((psi, slope), bend), terms) in weights[0].iter().zip(weights[1]).zip(weights[2]).zip(samples) {
+        let more = of([*psi, *slope, *bend], terms);
+        sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+    }
+    sums
+}
+
+/// Something of each window, given by its first sample, from the terms of its samples; in parallel and in order.
+pub(super) fn each<const N: usize, T: Clone + Default + Send>(
     windows: &Windows,
     starts: &[usize],
-    terms: impl Fn(usize) -> [f64; N] + Sync,
+    terms: impl Fn(Range<usize>) -> Vec<[f64; N]> + Sync,
     of: impl Fn(&Terms<N>, usize) -> T + Sync,
 ) -> Vec<T> {
-    let part = |starts: &[usize]| -> Vec<T> {
-        let (Some(&first), Some(&last)) = (starts.first(), starts.last()) else { return Vec::new() };
-        let samples = (first..last + windows.psi.len()).map(&terms).collect();
-        let terms = Terms { first, samples };
-        starts.iter().map(|&at| of(&terms, at)).collect()
-    };
-    starts.par_chunks(PART).flat_map_iter(part).collect()
+    let mut all = vec![T::default(); starts.len()];
+    all.par_chunks_mut(PART).zip(starts.par_chunks(PART)).for_each(|(some, starts)| {
+        let (first, last) = (starts[0], starts[starts.len() - 1]);
+        let terms = Terms { first, samples: terms(first..last + windows.psi.len()) };
+        some.iter_mut().zip(starts).for_each(|(value, &at)| *value = of(&terms, at));
+    });
+    all
 }
 
 /// Appends one row per window, in order; each log counts its own clusters.
@@ -215,9 +225,12 @@ fn fill(rows: &mut Rows, windows: &Windows, neglected: f64, of: impl Fn(&[usize]
     let first_cluster = rows.cluster.last().map_or(0, |last| last + 1);
     let before = rows.len();
     let starts: Vec<usize> = windows.starts().collect();
+    rows.reserve(starts.len());
     for (index, some) in starts.chunks(CHUNK).enumerate() {
         windows.progress.reach((index * CHUNK) as f64 / starts.len() as f64);
-        for ((a, y), turning) in of(some).into_iter().zip(windows.turning(some)) {
+        // Roll neglects nothing.
+        let turning = if neglected == 0.0 { vec![0.0; some.len()] } else { windows.turning(some) };
+        for ((a, y), turning) in of(some).into_iter().zip(turning) {
             let neglected = neglected * turning;
             let cluster = first_cluster + ((rows.len() - before) / windows.cluster) as u32;
             rows.guessed |= windows.signals.roll.is_empty();
@@ -239,17 +252,21 @@ pub fn pitch_rows(windows: &Windows, body: &Body, starts: &[usize]) -> Vec<Joint
     let (s, psi) = (windows.signals, windows.psi);
     let Body { b, j, .. } = *body;
     let [speed, yaw_rate, pitch, pitch_rate] = [&s.speed, &s.yaw_rate, &s.pitch, &s.pitch_rate].map(Series::as_slice);
-    let terms = |i: usize| {
-        let (v, w, phi) = (speed[i], yaw_rate[i], pitch[i]);
-        let (sin, cos) = phi.sin_cos();
-        [phi, 1.0, v * sin * pitch_rate[i] - GRAVITY * sin, w.powi(2) * sin * cos, v * cos]
-    };
-    each(windows, starts, terms, |terms, at| {
-        let of = |psi: [f64; 3], [phi, one, coupling, turning, forward]: &[f64; 5]| {
-            let [psi, slope, bend] = psi;
-            [psi * phi, psi * one, psi * coupling, psi * turning, slope * phi, bend * phi, slope * forward]
+    let terms = |samples: Range<usize>| {
+        let lean = Angles::of(&pitch[samples.clone()]);
+        let term = |(i, (sin, cos)): (usize, (f64, f64))| {
+            let (v, w, phi) = (speed[i], yaw_rate[i], pitch[i]);
+            [phi, v * sin * pitch_rate[i] - GRAVITY * sin, w.powi(2) * sin * cos, v * cos]
         };
-        let [angle, one, coupling, turning, rate, bend, forward] = terms.integrals(psi, at, of);
+        samples.zip(lean.iter()).map(term).collect()
+    };
+    let one = psi.integral(0, 0, |_| 1.0);
+    each(windows, starts, terms, |terms, at| {
+        let of = |psi: [f64; 3], [phi, coupling, turning, forward]: &[f64; 4]| {
+            let [psi, slope, bend] = psi;
+            [psi * phi, psi * coupling, psi * turning, slope * phi, bend * phi, slope * forward]
+        };
+        let [angle, coupling, turning, rate, bend, forward] = terms.integrals(psi, at, of);
         let inertia = j * bend - b * forward;
         ([angle, -rate, -one], -(inertia + b * coupling - j * turning))
     })
@@ -261,22 +278,26 @@ pub fn roll_rows(windows: &Windows, body: &Body, starts: &[usize]) -> Vec<JointR
     let Body { b, j, .. } = *body;
     let [speed, yaw_rate, roll, pitch_rate] = [&s.speed, &s.yaw_rate, &s.roll, &s.pitch_rate].map(Series::as_slice);
     let pitch = s.pitch.as_slice();
-    let terms = |i: usize| {
-        let (w, roll) = (yaw_rate[i], roll[i]);
-        let (sin, cos) = roll.sin_cos();
-        let (forward, upright) = if pitch.is_empty() { (0.0, 1.0) } else { pitch[i].sin_cos() };
-        let coupling = j * w * pitch_rate[i] * upright * (1.0 - 2.0 * cos.powi(2))
-            - j * w * w * sin * cos * upright.powi(2)
-            - b * w * speed[i] * cos
-            - b * GRAVITY * sin * upright;
-        [roll, 1.0, coupling, w * forward]
-    };
-    each(windows, starts, terms, |terms, at| {
-        let of = |psi: [f64; 3], [roll, one, coupling, aside]: &[f64; 4]| {
-            let [psi, slope, bend] = psi;
-            [psi * roll, psi * one, psi * coupling, slope * roll, bend * roll, slope * aside]
+    let terms = |samples: Range<usize>| {
+        let aside = Angles::of(&roll[samples.clone()]);
+        let lean = if pitch.is_empty() { Angles::zero(samples.len()) } else { Angles::of(&pitch[samples.clone()]) };
+        let term = |((i, (sin, cos)), (forward, upright)): ((usize, (f64, f64)), (f64, f64))| {
+            let (w, roll) = (yaw_rate[i], roll[i]);
+            let coupling = j * w * pitch_rate[i] * upright * (1.0 - 2.0 * cos.powi(2))
+                - j * w * w * sin * cos * upright.powi(2)
+                - b * w * speed[i] * cos
+                - b * GRAVITY * sin * upright;
+            [roll, coupling, w * forward]
         };
-        let [angle, one, coupling, rate, bend, aside] = terms.integrals(psi, at, of);
+        samples.zip(aside.iter()).zip(lean.iter()).map(term).collect()
+    };
+    let one = psi.integral(0, 0, |_| 1.0);
+    each(windows, starts, terms, |terms, at| {
+        let of = |psi: [f64; 3], [roll, coupling, aside]: &[f64; 3]| {
+            let [psi, slope, bend] = psi;
+            [psi * roll, psi * coupling, slope * roll, bend * roll, slope * aside]
+        };
+        let [angle, coupling, rate, bend, aside] = terms.integrals(psi, at, of);
         let inertia = j * bend + j * aside;
         ([angle, -rate, -one], -(inertia + coupling))
     })
@@ -293,7 +314,7 @@ pub fn roll(rows: &mut Rows, windows: &Windows, body: &Body) {
 }
 
 /// The integrals that the longitudinal rows are made of.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Longitudinal {
     /// `int psi F'`, N.s.
     pub force: f64,
@@ -322,40 +343,45 @@ pub fn longitudinal(
     let (s, psi) = (windows.signals, windows.psi);
     let sways = !s.pitch.is_empty() && body.lever != 0.0;
     let [speed, yaw_rate, pitch, accel] = [&s.speed, &s.yaw_rate, &s.pitch, &s.accel].map(Series::as_slice);
-    let terms = |i: usize| {
-        let v = speed[i];
-        let sin = if sways { pitch[i].sin() } else { 0.0 };
-        [
-            s.force[i],
-            if accelerometer { accel[i] } else { 0.0 },
-            yaw_rate[i].powi(2) * sin,
-            (v / body.smoothing_speed).tanh(),
-            v * v.abs(),
-            1.0,
-            v,
-            sin,
-        ]
-    };
-    each(windows, starts, terms, |terms, at| {
-        let of = |psi: [f64; 3], terms: &[f64; 8]| {
-            let [psi, slope, bend] = psi;
-            let [force, accel, turning, rolling, drags, one, speed, sway] = *terms;
-            let plain = [force, accel, turning, rolling, drags, one].map(|term| psi * term);
-            let [force, accel, turning, rolling, drags, one] = plain;
-            [force, accel, turning, rolling, drags, one, slope * speed, bend * sway]
+    let terms = |samples: Range<usize>| {
+        let lean = if sways { Angles::of(&pitch[samples.clone()]) } else { Angles::zero(samples.len()) };
+        let term = |(i, (sin, _)): (usize, (f64, f64))| {
+            let v = speed[i];
+            [s.force[i], yaw_rate[i].powi(2) * sin, (v / body.smoothing_speed).tanh(), v, sin]
         };
-        let [force, accel, turning, rolling, drags, one, speed, bend] = terms.integrals(psi, at, of);
-        let speed_rate = -speed;
+        samples.zip(lean.iter()).map(term).collect()
+    };
+    let one = psi.integral(0, 0, |_| 1.0);
+    let mut all = each(windows, starts, terms, |terms, at| {
+        let of = |psi: [f64; 3], [force, turning, rolling, speed, sway]: &[f64; 5]| {
+            let [psi, slope, bend] = psi;
+            [psi * force, psi * turning, psi * rolling, slope * speed, bend * sway]
+        };
+        let [force, turning, rolling, speed, bend] = terms.integrals(psi, at, of);
         Longitudinal {
             force,
-            speed_rate,
-            inertial: if accelerometer { accel } else { speed_rate },
+            speed_rate: -speed,
+            inertial: -speed,
             sway: if sways { body.lever * (bend - turning) } else { 0.0 },
             rolling: GRAVITY * rolling,
-            drag: if drag { 0.5 * body.air_density * drags } else { 0.0 },
+            drag: 0.0,
             one,
         }
-    })
+    });
+    let plain = |of: &(dyn Fn(usize) -> f64 + Sync)| {
+        let terms = |samples: Range<usize>| samples.map(|i| [of(i)]).collect();
+        each(windows, starts, terms, |terms, at| {
+            terms.integrals(psi, at, |[psi, ..], [term]: &[f64; 1]| [psi * term])[0]
+        })
+    };
+    if accelerometer {
+        all.iter_mut().zip(plain(&|i| accel[i])).for_each(|(all, accel)| all.inertial = accel);
+    }
+    if drag {
+        let drags = plain(&|i| speed[i] * speed[i].abs());
+        all.iter_mut().zip(drags).for_each(|(all, drag)| all.drag = 0.5 * body.air_density * drag);
+    }
+    all
 }
 
 /// Which longitudinal unknowns are sought.

@@ -3,7 +3,11 @@
 use super::rows::{self, Body, Signals};
 use super::sway::roll_from_turning;
 use crate::log::{Log, Series};
+use crate::problem::angles::Angles;
 use crate::problem::{FitError, Known};
+
+/// Samples that are looked at together, which a processor does several at a time.
+const CHUNK: usize = 1024;
 
 /// What is known of robot and person.
 pub fn body(known: &Known) -> Body {
@@ -42,7 +46,8 @@ pub fn signals(log: &Log, known: &Known) -> Result<Signals, FitError> {
         };
         let mut values = log.series(name).unwrap_or_default();
         // Most channels are as they should be, and need no copy.
-        if values.iter().any(|value| value.abs() > largest) {
+        let some_beyond = |values: &[f64]| values.iter().filter(|value| value.abs() > largest).count() > 0;
+        if values.chunks(CHUNK).any(some_beyond) {
             values.iter_mut().filter(|value| value.abs() > largest).for_each(|value| *value = f64::NAN);
         }
         values
@@ -88,10 +93,11 @@ pub fn signals(log: &Log, known: &Known) -> Result<Signals, FitError> {
 fn turning(signals: &Signals, body: &Body, known: &Known) -> [Vec<f64>; 2] {
     let product = |roll: &[f64], rate: &[f64]| {
         let w = &signals.yaw_rate;
-        [
-            w.iter().zip(roll).map(|(w, roll)| w * roll.sin()).collect(),
-            w.iter().zip(rate).map(|(w, rate)| w * rate).collect(),
-        ]
+        let mut lean = Vec::with_capacity(w.len());
+        for (w, roll) in w.chunks(CHUNK).zip(roll.chunks(CHUNK)) {
+            lean.extend(w.iter().zip(Angles::of(roll).iter()).map(|(w, (sin, _))| w * sin));
+        }
+        [lean, w.iter().zip(rate).map(|(w, rate)| w * rate).collect()]
     };
     if signals.roll.is_empty() {
         let (roll, rate) = roll_from_turning(signals, body, super::side(known));

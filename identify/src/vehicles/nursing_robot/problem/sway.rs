@@ -8,7 +8,9 @@
 //! One Runge-Kutta step per sample, force between two samples their mean, yaw rate held.
 
 use super::rows::{Body, GRAVITY, Signals};
-use nalgebra::Vector3;
+use crate::problem::angles;
+use multiversion::multiversion;
+use nalgebra::SMatrix;
 use std::ops::Range;
 use wheelstate::filter::discretise::runge_kutta;
 
@@ -28,21 +30,54 @@ pub struct Passive {
 /// Speed, pitch and pitch rate.
 pub type State = [f64; 3];
 
-fn rate(body: &Body, passive: &Passive, x: &State, force: f64, yaw_rate: f64, aside: f64) -> State {
-    let [v, phi, phi_dot] = *x;
-    let (sin, cos) = phi.sin_cos();
-    let (mt, w2) = (body.effective_mass(), yaw_rate * yaw_rate);
-    let resist = passive.rolling * body.total_mass() * GRAVITY * (v / body.smoothing_speed).tanh()
-        + 0.5 * body.air_density * body.drag_area * v * v.abs();
-    let r1 = force - resist + body.b * ((w2 + phi_dot * phi_dot) * sin - aside);
-    if body.j == 0.0 {
-        return [r1 / mt, 0.0, 0.0];
+/// States of several simulations, a row each.
+type States<const N: usize> = SMatrix<f64, N, 3>;
+
+/// What moves each of several simulations over a step: force, yaw rate and what roll while turning adds.
+#[derive(Clone, Copy)]
+struct Inputs<const N: usize> {
+    force: [f64; N],
+    yaw_rate: [f64; N],
+    aside: [f64; N],
+}
+
+#[inline(always)]
+fn rate<const N: usize>(body: &Body, passive: &Passive, x: &States<N>, inputs: &Inputs<N>) -> States<N> {
+    let [speeds, pitches, pitch_rates] = &x.data.0;
+    let (sines, cosines) = angles::few(pitches);
+    let senses = speeds.map(|v| sense(v / body.smoothing_speed));
+    let mt = body.effective_mass();
+    let mut rates = [[0.0; N]; 3];
+    for k in 0..N {
+        let (v, phi, phi_dot, sin, cos) = (speeds[k], pitches[k], pitch_rates[k], sines[k], cosines[k]);
+        let (aside, w2) = (inputs.aside[k], inputs.yaw_rate[k] * inputs.yaw_rate[k]);
+        let resist = passive.rolling * body.total_mass() * GRAVITY * senses[k]
+            + 0.5 * body.air_density * body.drag_area * v * v.abs();
+        let r1 = inputs.force[k] - resist + body.b * ((w2 + phi_dot * phi_dot) * sin - aside);
+        let r2 = body.b * GRAVITY * sin - passive.stiffness * (phi - passive.rest) - passive.damping * phi_dot
+            + body.j * (w2 * sin * cos - aside);
+        let coupling = body.b * cos;
+        let det = mt * body.j - coupling * coupling;
+        rates[0][k] = (body.j * r1 - coupling * r2) / det;
+        rates[1][k] = phi_dot;
+        rates[2][k] = (mt * r2 - coupling * r1) / det;
+        if body.j == 0.0 {
+            (rates[0][k], rates[1][k], rates[2][k]) = (r1 / mt, 0.0, 0.0);
+        }
     }
-    let r2 = body.b * GRAVITY * sin - passive.stiffness * (phi - passive.rest) - passive.damping * phi_dot
-        + body.j * (w2 * sin * cos - aside);
-    let coupling = body.b * cos;
-    let det = mt * body.j - coupling * coupling;
-    [(body.j * r1 - coupling * r2) / det, phi_dot, (mt * r2 - coupling * r1) / det]
+    rates.into()
+}
+
+/// `tanh`, which is 1 but for less than the last digit well before 22.
+#[inline(always)]
+fn sense(x: f64) -> f64 {
+    if x.abs() > 22.0 { 1.0_f64.copysign(x) } else { x.tanh() }
+}
+
+/// One step of several simulations side by side.
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn advance<const N: usize>(body: &Body, passive: &Passive, x: &States<N>, h: f64, inputs: &Inputs<N>) -> States<N> {
+    runge_kutta(x, h, |x| rate(body, passive, x, inputs))
 }
 
 /// Simulates the samples of a range from a state at its first one; calls `each` with every sample
@@ -57,16 +92,47 @@ pub fn simulate(
     aside: impl Fn(usize) -> f64,
     mut each: impl FnMut(usize, &State),
 ) {
-    let h = signals.period;
     let mut x = start;
     each(range.start, &x);
     for i in range.start + 1..range.end {
         let force = 0.5 * body.efficiency * (signals.force[i - 1] + signals.force[i]);
-        let (w, aside) = (signals.yaw_rate[i], aside(i));
-        let derivative = |x: &Vector3<f64>| Vector3::from(rate(body, passive, &(*x).into(), force, w, aside));
-        x = runge_kutta(&Vector3::from(x), h, derivative).into();
+        let inputs = Inputs { force: [force], yaw_rate: [signals.yaw_rate[i]], aside: [aside(i)] };
+        x = advance(body, passive, &States::<1>::from(x), signals.period, &inputs).into();
         each(i, &x);
     }
+}
+
+/// Simulations that are worked out side by side.
+const LANES: usize = 8;
+
+/// The pitch at each sample of each range of two samples or more, one range after the other, simulated by the planar model
+/// from what was measured at the first one.
+pub fn pitches(signals: &Signals, ranges: &[Range<usize>], body: &Body, passive: &Passive) -> Vec<f64> {
+    let mut all = Vec::with_capacity(ranges.iter().map(ExactSizeIterator::len).sum());
+    for ranges in ranges.chunks(LANES) {
+        // Where there are fewer ranges than lanes the last one is simulated again; what is beyond the end of one is not used.
+        let lanes: [&Range<usize>; LANES] = std::array::from_fn(|k| &ranges[k.min(ranges.len() - 1)]);
+        let mut places = [0; LANES];
+        for (k, range) in ranges.iter().enumerate() {
+            places[k] = all.len();
+            all.resize(all.len() + range.len(), 0.0);
+        }
+        let start = |of: &[f64]| lanes.map(|range| of[range.start]);
+        let mut x: States<LANES> = [start(&signals.speed), start(&signals.pitch), start(&signals.pitch_rate)].into();
+        let longest = ranges.iter().map(ExactSizeIterator::len).max().unwrap_or(0);
+        for step in 0..longest {
+            if step > 0 {
+                let at = lanes.map(|range| (range.start + step).min(range.end - 1));
+                let force = at.map(|i| 0.5 * body.efficiency * (signals.force[i - 1] + signals.force[i]));
+                let inputs = Inputs { force, yaw_rate: at.map(|i| signals.yaw_rate[i]), aside: [0.0; LANES] };
+                x = advance(body, passive, &x, signals.period, &inputs);
+            }
+            for (k, _) in ranges.iter().enumerate().filter(|(_, range)| step < range.len()) {
+                all[places[k] + step] = x[(k, 1)];
+            }
+        }
+    }
+    all
 }
 
 /// Pitch of a person without tilt sensor, from the measured speed alone: the linear response

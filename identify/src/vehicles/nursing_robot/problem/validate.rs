@@ -90,30 +90,14 @@ fn simulated_pitch(source: &str, log: &Windowed, body: &Body, hip: &Passive) -> 
     let signals = &log.signals;
     let samples = |seconds: f64| (seconds / signals.period).round() as usize;
     let mut trace = trace("tilt", "rad", source);
-    let ranges = sway::segments(signals, samples(4.0), samples(10.0), usize::MAX);
-    let count = ranges.iter().map(ExactSizeIterator::len).sum();
-    [&mut trace.time, &mut trace.measured, &mut trace.predicted]
-        .into_iter()
-        .for_each(|column| column.reserve_exact(count));
-    for range in ranges {
-        let first = range.start;
-        let start = [signals.speed[first], signals.pitch[first], signals.pitch_rate[first]];
-        if start.iter().any(|value| value.is_nan()) {
-            continue;
-        }
-        sway::simulate(
-            signals,
-            range,
-            body,
-            hip,
-            start,
-            |_| 0.0,
-            |i, x| {
-                trace.time.push(signals.start + signals.period * i as f64);
-                trace.measured.push(signals.pitch[i]);
-                trace.predicted.push(x[1]);
-            },
-        );
-    }
+    let mut ranges = sway::segments(signals, samples(4.0), samples(10.0), usize::MAX);
+    ranges.retain(|range| {
+        let at = range.start;
+        range.len() > 1 && [&signals.speed, &signals.pitch, &signals.pitch_rate].iter().all(|of| !of[at].is_nan())
+    });
+    trace.predicted = sway::pitches(signals, &ranges, body, hip);
+    let samples = || ranges.iter().cloned().flatten();
+    trace.time = samples().map(|i| signals.start + signals.period * i as f64).collect();
+    trace.measured = samples().map(|i| signals.pitch[i]).collect();
     prediction(trace, 1)
 }
