@@ -11,6 +11,10 @@ const DIGITS: usize = 19;
 /// Powers of ten.
 const TEN: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
 
+/// The same as doubles, which hold powers up to `10^22` exactly.
+const POWERS: [f64; DIGITS + 1] =
+    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19];
+
 /// The first 128 bits of `5^-k`, rounded up; `5^0` is not used.
 const FIFTHS: [u128; DIGITS + 1] = {
     let mut fifths = [0; DIGITS + 1];
@@ -54,7 +58,14 @@ pub fn leading(text: &[u8]) -> Option<(f64, usize)> {
     if count == 0 || count > DIGITS || matches!(text.get(at), Some(b'e' | b'E')) {
         return None;
     }
-    let size = if places == 0 || number == 0 { number as f64 } else { quotient(number, places) };
+    let size = if number < 1 << 53 {
+        // Both are exact, and so their quotient is the nearest double.
+        number as f64 / POWERS[places]
+    } else if places == 0 {
+        number as f64
+    } else {
+        quotient(number, places)
+    };
     Some((if negative { -size } else { size }, at))
 }
 

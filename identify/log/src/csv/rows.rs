@@ -23,6 +23,8 @@ pub struct Rows<'a> {
     end: usize,
     /// Length of the line at `start` that [`plain`](Self::plain) has found.
     ahead: usize,
+    /// Place before which no quote stands that is not passed.
+    unquoted: usize,
     /// Lines before `start`.
     lines: u64,
     quoted: Box<Reader>,
@@ -65,6 +67,7 @@ impl<'a> Rows<'a> {
             start: 0,
             end: 0,
             ahead: 0,
+            unquoted: 0,
             lines: 0,
             quoted: Box::new(ReaderBuilder::new().delimiter(dialect.separator).comment(dialect.comment).build()),
             joined: (vec![0; 1 << 10], vec![0; 1 << 6]),
@@ -77,9 +80,13 @@ impl<'a> Rows<'a> {
     pub fn plain(&mut self) -> io::Result<Option<(&[u8], usize)>> {
         let Some(length) = self.line()? else { return Ok(None) };
         self.ahead = length;
+        let end = self.start + length;
+        if self.unquoted < end {
+            let from = self.unquoted.max(self.start);
+            self.unquoted = memchr(b'"', &self.text[from..self.end]).map_or(self.end, |place| from + place);
+        }
         let text = &self.text[self.start..self.end];
-        let line = &text[..length];
-        let is_row = !line.is_empty() && self.comment != Some(line[0]) && memchr(b'"', line).is_none();
+        let is_row = length > 0 && self.comment != Some(text[0]) && self.unquoted >= end;
         Ok(is_row.then_some((text, length)))
     }
 
@@ -131,6 +138,7 @@ impl<'a> Rows<'a> {
     /// Reads on, after what stands from `start` on; false at the end of the text.
     fn more(&mut self) -> io::Result<bool> {
         self.text.copy_within(self.start..self.end, 0);
+        self.unquoted = self.unquoted.saturating_sub(self.start);
         (self.start, self.end) = (0, self.end - self.start);
         // As much again as there is: a row of any length takes linear time.
         let room = self.end + BLOCK.max(self.end);

@@ -62,7 +62,7 @@ fn parse(name: &str, file: File, wanted: &Wanted, progress: &Progress) -> Result
             progress.advance(reader.num_row_groups() as u64);
             continue;
         }
-        let mut values = Vec::new();
+        let mut values = Vec::with_capacity(rows.min(MOST_RESERVED));
         let mut damage = None;
         for group in 0..reader.num_row_groups() {
             progress.check()?;
