@@ -1,6 +1,7 @@
 //! The window that all signals of a relation pass, and their derivatives through it.
 
 use crate::log::Series;
+use multiversion::multiversion;
 
 /// Half width of the window, s; in samples at least 2.
 const HALF_WINDOW: f64 = 0.15;
@@ -87,6 +88,7 @@ impl<'a> Filter<'a> {
 }
 
 /// The sums of neighbouring windows.
+#[multiversion(targets("x86_64+avx+avx2"))]
 fn side_by_side(values: &[f64], taps: &[f64]) -> [f64; CHUNK] {
     // An empty sum is -0.
     let mut sums = [-0.0; CHUNK];

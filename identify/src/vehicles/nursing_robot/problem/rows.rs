@@ -160,7 +160,7 @@ impl Windows<'_> {
 }
 
 /// Windows between two steps of the progress bar.
-const CHUNK: usize = 2048;
+const CHUNK: usize = 8192;
 
 /// Windows that overlap.
 pub const OVERLAP: usize = 12;
