@@ -134,8 +134,10 @@ impl Scaled {
         self.a.chunks_exact(self.unknowns).zip(self.y.iter().copied())
     }
 
-    fn residuals(&self, z: &[f64]) -> Vec<f64> {
-        self.rows().map(|(row, y)| y - dot(row, z)).collect()
+    /// Residuals in place of what was in `to`.
+    fn residuals(&self, z: &[f64], to: &mut Vec<f64>) {
+        to.clear();
+        to.extend(self.rows().map(|(row, y)| y - dot(row, z)));
     }
 
     fn prior_cost(&self, z: &[f64]) -> f64 {
@@ -284,7 +286,8 @@ fn newton(
 ) -> Result<Reached, SolveError> {
     const STEPS: usize = 100;
     let mut best = Minimum { z: start, active: vec![false; feasible.half_spaces.len()], accuracy: Accuracy::Solved };
-    let mut residuals = scaled.residuals(&best.z);
+    let (mut residuals, mut trial) = (Vec::with_capacity(scaled.y.len()), Vec::with_capacity(scaled.y.len()));
+    scaled.residuals(&best.z, &mut residuals);
     let mut value = cost(&residuals, delta) + scaled.prior_cost(&best.z);
     let mut reweight = reweighted;
     for _ in 0..STEPS {
@@ -311,19 +314,19 @@ fn newton(
         };
         let was_reweighted = !plain;
         reweight = reweight.saturating_sub(1);
-        let ahead = scaled.residuals(&target.z);
-        if !was_reweighted && ahead.iter().zip(&residuals).all(|(new, old)| side(*new, delta) == side(*old, delta)) {
+        scaled.residuals(&target.z, &mut trial);
+        if !was_reweighted && trial.iter().zip(&residuals).all(|(new, old)| side(*new, delta) == side(*old, delta)) {
             return Ok(Reached { minimum: target, proved: true });
         }
         let mut share = 1.0;
         loop {
             let z: Vec<f64> = best.z.iter().zip(&target.z).map(|(from, to)| from + share * (to - from)).collect();
-            let trial = scaled.residuals(&z);
+            scaled.residuals(&z, &mut trial);
             let reached = cost(&trial, delta) + scaled.prior_cost(&z);
             if reached < value {
                 let gain = value - reached;
                 best = Minimum { z, active: target.active.clone(), accuracy: target.accuracy };
-                residuals = trial;
+                std::mem::swap(&mut residuals, &mut trial);
                 value = reached;
                 if gain < 1e-15 * value.max(1.0) && reweight == 0 {
                     return Ok(Reached { minimum: best, proved: false });

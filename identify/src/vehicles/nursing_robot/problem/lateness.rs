@@ -24,6 +24,8 @@ use nalgebra::{SMatrix, SVector};
 use std::ops::Range;
 use wheelstate::filter::discretise::{runge_kutta, substeps};
 
+/// Channels of which the sway and what makes it are worked out.
+const MOTION: [&str; 6] = ["speed", "yaw_rate", "tilt", "tilt_rate", "roll", "roll_rate"];
 /// Time between two instants, s.
 const STEP: f64 = 0.03;
 /// Longest log that is looked at whole, and the parts of a longer one, in instants.
@@ -127,9 +129,9 @@ fn parts(log: &Log, stride: usize) -> Vec<Log> {
     let clean = |range: Range<usize>| {
         let mut part = log.slice(range, |_| true);
         let period = part.period();
-        part.channels.iter_mut().for_each(|channel| {
+        for channel in part.channels.iter_mut().filter(|channel| MOTION.contains(&channel.name.as_str())) {
             hampel(&mut channel.values, period);
-        });
+        }
         part
     };
     ranges.into_iter().map(clean).collect()
@@ -147,13 +149,13 @@ struct Joint {
 
 /// The pitch: the robot's acceleration makes it sway.
 fn pitch(s: &Signals) -> Joint {
-    let part = |values: &[f64]| -> Series { values.iter().map(|value| -value).collect() };
-    let [lean, rate] = &s.turning;
-    let turning = if lean.is_empty() { vec![] } else { vec![(part(lean), 1), (part(rate), 0)] };
+    let of = |value: &dyn Fn(usize) -> f64| -> Series { (0..s.len()).map(|i| -value(i)).collect() };
+    let turning =
+        if s.turning[0].is_empty() { vec![] } else { vec![(of(&|i| s.turned(i)[0]), 1), (of(&|i| s.turned(i)[1]), 0)] };
     Joint {
         angle: vec![(s.pitch.clone(), 0)],
         rate: vec![(s.pitch_rate.clone(), 0)],
-        seat: vec![(part(&s.speed), 1)],
+        seat: vec![(of(&|i| s.speed[i]), 1)],
         turning,
     }
 }

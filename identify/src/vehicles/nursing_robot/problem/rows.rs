@@ -81,8 +81,8 @@ pub struct Signals {
     pub roll: Series,
     /// Roll rate, measured or from the roll, rad/s.
     pub roll_rate: Series,
-    /// `w sin phi_x` and `w phi_x'` while turning, rad/s and rad/s2; empty where they are not known.
-    pub turning: [Vec<f64>; 2],
+    /// Roll and its rate while turning, measured or that of a passive person, rad and rad/s; empty where they are not known.
+    pub turning: [Series; 2],
     /// Longitudinal specific force, m/s2.
     pub accel: Series,
 }
@@ -98,14 +98,20 @@ impl Signals {
         self.speed.is_empty()
     }
 
+    /// `w sin phi_x` and `w phi_x'` of a sample while turning, rad/s and rad/s2.
+    pub fn turned(&self, i: usize) -> [f64; 2] {
+        let (w, [roll, rate]) = (self.yaw_rate[i], &self.turning);
+        [w * roll[i].sin(), w * rate[i]]
+    }
+
     /// Mean of `d(w sin phi_x)/dt + w phi_x'` over the step to sample `i`, rad/s2; 0 where unknown, see
     /// [`Windows::turning`].
     pub fn aside(&self, i: usize) -> f64 {
-        let [lean, rate] = &self.turning;
-        if lean.is_empty() {
+        if self.turning[0].is_empty() {
             return 0.0;
         }
-        let mean = (lean[i] - lean[i - 1]) / self.period + 0.5 * (rate[i] + rate[i - 1]);
+        let ([lean, rate], [lean_before, rate_before]) = (self.turned(i), self.turned(i - 1));
+        let mean = (lean - lean_before) / self.period + 0.5 * (rate + rate_before);
         if mean.is_finite() { mean } else { 0.0 }
     }
 }
@@ -139,19 +145,19 @@ impl Windows<'_> {
     /// body that leans aside while the robot turns adds to the planar equations, times `b` in the
     /// longitudinal and times `J` in the pitch equation (Yang et al. leave it out). 0 where unknown.
     pub fn turning(&self, starts: &[usize]) -> Vec<f64> {
-        let [lean, rate] = &self.signals.turning;
-        if lean.is_empty() {
+        let (w, [roll, rate]) = (self.signals.yaw_rate.as_slice(), &self.signals.turning);
+        let (roll, rate) = (roll.as_slice(), rate.as_slice());
+        if roll.is_empty() {
             return vec![0.0; starts.len()];
         }
-        each(
-            self,
-            starts,
-            |samples| samples.map(|i| [rate[i], lean[i]]).collect(),
-            |terms, at| {
-                let [rate, lean] = terms.integrals(self.psi, at, |psi, [rate, lean]| [psi[0] * rate, psi[1] * lean]);
-                rate - lean
-            },
-        )
+        let terms = |samples: Range<usize>| {
+            let lean = Angles::of(&roll[samples.clone()]);
+            samples.zip(lean.iter()).map(|(i, (sin, _))| [w[i] * rate[i], w[i] * sin]).collect()
+        };
+        each(self, starts, terms, |terms, at| {
+            let [rate, lean] = terms.integrals(self.psi, at, |psi, [rate, lean]| [psi[0] * rate, psi[1] * lean]);
+            rate - lean
+        })
     }
 
     fn int(&self, order: usize, start: usize, x: impl Fn(usize) -> f64) -> f64 {

@@ -3,7 +3,6 @@
 use super::rows::{self, Body, Signals};
 use super::sway::roll_from_turning;
 use crate::log::{Log, Series};
-use crate::problem::angles::Angles;
 use crate::problem::{FitError, Known};
 
 /// Samples that are looked at together, which a processor does several at a time.
@@ -88,21 +87,12 @@ pub fn signals(log: &Log, known: &Known) -> Result<Signals, FitError> {
     Ok(signals)
 }
 
-/// `w sin phi_x` and `w phi_x'`, from the measured roll or else from a passive person with the known
-/// stiffness and damping.
-fn turning(signals: &Signals, body: &Body, known: &Known) -> [Vec<f64>; 2] {
-    let product = |roll: &[f64], rate: &[f64]| {
-        let w = &signals.yaw_rate;
-        let mut lean = Vec::with_capacity(w.len());
-        for (w, roll) in w.chunks(CHUNK).zip(roll.chunks(CHUNK)) {
-            lean.extend(w.iter().zip(Angles::of(roll).iter()).map(|(w, (sin, _))| w * sin));
-        }
-        [lean, w.iter().zip(rate).map(|(w, rate)| w * rate).collect()]
-    };
+/// The roll and its rate, measured or else those of a passive person with the known stiffness and damping.
+fn turning(signals: &Signals, body: &Body, known: &Known) -> [Series; 2] {
     if signals.roll.is_empty() {
         let (roll, rate) = roll_from_turning(signals, body, super::side(known));
-        product(&roll, &rate)
+        [roll.into(), rate.into()]
     } else {
-        product(&signals.roll, &signals.roll_rate)
+        [signals.roll.clone(), signals.roll_rate.clone()]
     }
 }

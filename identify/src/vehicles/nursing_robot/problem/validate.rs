@@ -33,8 +33,16 @@ pub(super) fn validate(task: &Task) -> Vec<Prediction> {
     all
 }
 
-fn trace(name: &str, unit: &str, log: &str) -> Trace {
-    Trace { name: name.to_owned(), unit: unit.to_owned(), log: log.to_owned(), ..Trace::default() }
+/// An empty trace with room for so many values.
+fn trace(name: &str, unit: &str, log: &str, room: usize) -> Trace {
+    Trace {
+        name: name.to_owned(),
+        unit: unit.to_owned(),
+        log: log.to_owned(),
+        time: Vec::with_capacity(room),
+        measured: Vec::with_capacity(room),
+        predicted: Vec::with_capacity(room),
+    }
 }
 
 fn prediction(trace: Trace, independent: usize) -> Option<Prediction> {
@@ -44,8 +52,8 @@ fn prediction(trace: Trace, independent: usize) -> Option<Prediction> {
 /// Window means of the drive force, measured and as the force balance predicts it, N.
 fn force(source: &str, log: &Windowed, body: &Body, hip: &Passive, accelerometer: bool) -> Option<Prediction> {
     let windows = log.sway(Progress::none());
-    let mut trace = trace("drive force", "N", source);
     let starts: Vec<usize> = windows.starts().collect();
+    let mut trace = trace("drive force", "N", source, starts.len());
     let integrals = rows::longitudinal(&windows, body, accelerometer, body.drag_area != 0.0, &starts);
     for (start, l) in starts.into_iter().zip(integrals) {
         let balance = body.total_mass() * (l.inertial + hip.rolling * l.rolling)
@@ -72,8 +80,8 @@ fn moment(
 ) -> Option<Prediction> {
     let windows = log.sway(Progress::none());
     let one = windows.psi.integral(0, 0, |_| 1.0);
-    let mut trace = trace(name, "N.m", source);
     let starts: Vec<usize> = windows.starts().collect();
+    let mut trace = trace(name, "N.m", source, starts.len());
     for ((a, needed), start) in rows(&windows, body, &starts).into_iter().zip(starts) {
         let given = joint.stiffness * a[0] + joint.damping * a[1] + joint.stiffness * joint.rest * a[2];
         if (given + needed).is_finite() {
@@ -89,15 +97,19 @@ fn moment(
 fn simulated_pitch(source: &str, log: &Windowed, body: &Body, hip: &Passive) -> Option<Prediction> {
     let signals = &log.signals;
     let samples = |seconds: f64| (seconds / signals.period).round() as usize;
-    let mut trace = trace("tilt", "rad", source);
     let mut ranges = sway::segments(signals, samples(4.0), samples(10.0), usize::MAX);
     ranges.retain(|range| {
         let at = range.start;
         range.len() > 1 && [&signals.speed, &signals.pitch, &signals.pitch_rate].iter().all(|of| !of[at].is_nan())
     });
+    let mut trace = trace("tilt", "rad", source, 0);
     trace.predicted = sway::pitches(signals, &ranges, body, hip);
-    let samples = || ranges.iter().cloned().flatten();
-    trace.time = samples().map(|i| signals.start + signals.period * i as f64).collect();
-    trace.measured = samples().map(|i| signals.pitch[i]).collect();
+    for column in [&mut trace.time, &mut trace.measured] {
+        column.reserve_exact(trace.predicted.len());
+    }
+    for range in ranges {
+        trace.measured.extend_from_slice(&signals.pitch[range.clone()]);
+        trace.time.extend(range.map(|i| signals.start + signals.period * i as f64));
+    }
     prediction(trace, 1)
 }
