@@ -258,7 +258,7 @@ impl Log {
     /// Reads a log in CSV from any bytes; `name` is named in errors.
     pub fn from_csv(name: &str, from: impl std::io::Read, map: Option<&ColumnMap>) -> Result<Self, LogError> {
         let options = map.map(|map| map.csv.clone()).unwrap_or_default();
-        let recording = csv::parse(name, hash::Hashed::new(from), &options, &Wanted::all(), &Progress::none())?;
+        let recording = csv::parse(name, (hash::Hashed::new(from), 0), &options, &Wanted::all(), &Progress::none())?;
         let mut log = assemble::assemble(recording, map, None)?;
         log.drop_infinite();
         Ok(log)

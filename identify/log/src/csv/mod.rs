@@ -47,13 +47,13 @@ pub(super) fn read(
     progress.start(format!("reading {what}"), meta.len());
     // What is no file, such as a pipe, cannot be read by two.
     let recording = if meta.is_file() {
-        let read = || parse(&name, Hashed::beside(file), options, wanted, progress);
+        let read = || parse(&name, (Hashed::beside(file), meta.len()), options, wanted, progress);
         let (recording, sha256) = hash::beside(path, read);
         recording.and_then(|recording| {
             Ok(Recording { sha256: sha256.map_err(|e| LogError::file(&name, e.to_string()))?, ..recording })
         })
     } else {
-        parse(&name, Hashed::new(file), options, wanted, progress)
+        parse(&name, (Hashed::new(file), 0), options, wanted, progress)
     };
     progress.finish();
     recording
@@ -82,10 +82,10 @@ impl Reading {
     }
 }
 
-/// The parser itself, over any bytes.
+/// The parser itself, over any bytes, of which there are about as many as said.
 pub(super) fn parse(
     file: &str,
-    from: Hashed,
+    (from, size): (Hashed, u64),
     options: &CsvOptions,
     wanted: &Wanted,
     to: &Progress,
@@ -132,6 +132,14 @@ pub(super) fn parse(
             samples.push(u32::try_from(dialect.skip.1 + rows.pass()).unwrap_or(u32::MAX));
             empty = 0;
             look(samples.len(), &source, &mut seen)?;
+            if samples.len() == STRIDE {
+                // Columns that grow are copied again and again; the rows so far tell about how many there will be. A cell takes
+                // two bytes, its separator included.
+                let share = size.saturating_sub(source.position()) as f64 / source.position().max(1) as f64;
+                let more = ((1.02 * share * STRIDE as f64) as u64).min(size / (2 * usual.width as u64)) as usize;
+                samples.reserve(more);
+                usual.places.iter().for_each(|place| columns[*place].values.reserve(more));
+            }
             continue;
         }
         let Some(row) = rows.next().map_err(fail)? else { break };
@@ -375,7 +383,7 @@ mod tests {
             let keep = |name: &str| name == "b" || name == "d";
             for wanted in [Wanted::all(), Wanted::new(None, &[], &keep)] {
                 let options = CsvOptions::default();
-                let recording = parse("log.csv", Hashed::new(text.as_bytes()), &options, &wanted, &Progress::none()).unwrap();
+                let recording = parse("log.csv", (Hashed::new(text.as_bytes()), 0), &options, &wanted, &Progress::none()).unwrap();
                 for (place, column) in recording.groups[0].columns.iter().enumerate() {
                     let Values::Numbers(values) = &column.values else { continue };
                     let bits = values.iter().map(|value| if value.is_nan() { f64::NAN.to_bits() } else { value.to_bits() });
