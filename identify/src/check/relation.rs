@@ -166,7 +166,7 @@ pub struct Delay {
 
 impl Delay {
     /// Whether it is more than good sensors, sampled with this period, have.
-    pub(super) fn shows(&self, period: f64) -> bool {
+    fn shows(&self, period: f64) -> bool {
         self.delay.abs() - SURE * self.std > HARMLESS.max(period)
     }
 

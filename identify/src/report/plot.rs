@@ -1,6 +1,7 @@
 //! The plots of the report page, as SVG text.
 
 use crate::result::{FitReport, Profile, Trace, Verdict};
+use crate::solve::profile::LEVELS;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::ops::Range;
@@ -260,7 +261,7 @@ pub fn profile(profile: &Profile, unit: &str) -> Result<String, PlotError> {
             .x_desc(label)
             .y_desc("statistic")
             .draw()?;
-        for (level, name) in [(3.841_459, "95 %"), (8.807_469, "99.7 %")] {
+        for (level, name) in LEVELS.into_iter().zip(["95 %", "99.7 %"]) {
             chart.draw_series([PathElement::new(vec![(low, level), (high, level)], AMBER.stroke_width(1))])?;
             let (x, y) = chart.backend_coord(&(low, level));
             area.draw_text(name, &("sans-serif", 12, &AMBER).into_text_style(area), (x + 6, y - 15))?;

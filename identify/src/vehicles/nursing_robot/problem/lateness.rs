@@ -20,7 +20,9 @@ use crate::check::window::Filter;
 use crate::check::{self, Delay};
 use crate::log::{Log, Series};
 use crate::problem::outliers::hampel;
+use crate::problem::quality;
 use nalgebra::{SMatrix, SVector};
+use std::f64::consts::SQRT_2;
 use std::ops::Range;
 use wheelstate::filter::discretise::{runge_kutta, substeps};
 
@@ -45,9 +47,11 @@ const LENGTHS: f64 = 0.03;
 /// Share of the variance that the sway must explain.
 const EXPLAINED: f64 = 0.5;
 /// Standard errors from which a late roll may be a late yaw rate; rounds to find how late that is, and what may be left, s.
-const DOUBTFUL: f64 = 2.0;
+const DOUBTFUL: f64 = 1.0;
 const ROUNDS: usize = 10;
 const CLOSE: f64 = 1e-3;
+/// Standard deviations, of the estimate and of the delays declared, beyond which it contradicts them: 95 % are within.
+const CONTRADICTS: f64 = 1.96;
 /// Iterations, and the change of the delay below which they have ended, s.
 const ITERATIONS: usize = 30;
 const SETTLED: f64 = 1e-4;
@@ -59,7 +63,7 @@ type Matrix = SMatrix<f64, N, N>;
 /// Angle and rate, and what one more of `w2`, `d` and `q` makes of them.
 type State = SMatrix<f64, 2, 4>;
 
-/// How late tilt and roll are.
+/// How late tilt and roll are, where that contradicts what is declared of the sensors: both sides may be late.
 pub fn delays(signals: &check::Signals) -> Vec<Delay> {
     let known = signals.known;
     let body = signals::body(known);
@@ -98,7 +102,9 @@ pub fn delays(signals: &check::Signals) -> Vec<Delay> {
             }
         }
     });
-    [pitch, roll].into_iter().flatten().collect()
+    let declared = quality("roll", "rad").map_or(0.0, |quality| quality.delay) * SQRT_2;
+    let contradicts = |found: &Delay| found.delay.abs() > CONTRADICTS * found.std.hypot(declared);
+    [pitch, roll].into_iter().flatten().filter(contradicts).collect()
 }
 
 /// How late the yaw rate is: with it taken earlier by that, the roll is in time. From how late the roll is with it as it is.
