@@ -5,11 +5,11 @@
 //! equation divided by the inertia,
 //!
 //! ```text
-//! phi'' + d phi' + w2 (phi - phi_0) = q a + e,   measured: phi(t - tau), phi'(t - tau)
+//! phi'' + d phi' + w2 (phi - phi_0) = q a + e,   measured: phi(t - tau), phi'(t - tau')
 //! ```
 //!
 //! where `q = b/J`, the seat's acceleration `a` and the part `e` that turning adds come from the logs of speed, yaw rate and the
-//! other angle, `d`, `w2`, `tau` and constants of angle and rate are free, and `q` is known as well as lengths are. All signals
+//! other angle, `d`, `w2`, `tau`, `tau'` and constants of angle and rate are free, and `q` is known as well as lengths are. All signals
 //! pass one symmetric window before: it delays none, and no noise of the inputs is left at frequencies of which the sway has
 //! nothing. Output error by Gauss and Newton (Ljung, System Identification, ch. 10.2), with the standard error of the sums over
 //! blocks of the log (ibid., 9.6, for noise of any colour; Newey and West 1987 with blocks for lags).
@@ -56,8 +56,8 @@ const CONTRADICTS: f64 = 1.96;
 const ITERATIONS: usize = 30;
 const SETTLED: f64 = 1e-4;
 
-/// Unknowns: `w2`, `d`, `q`, `tau`, the constants of angle and rate.
-const N: usize = 6;
+/// Unknowns: `w2`, `d`, `q`, how late angle and rate are, and their constants.
+const N: usize = 7;
 type Vector = SVector<f64, N>;
 type Matrix = SMatrix<f64, N, N>;
 /// Angle and rate, and what one more of `w2`, `d` and `q` makes of them.
@@ -80,7 +80,7 @@ pub fn delays(signals: &check::Signals) -> Vec<Delay> {
         names.iter().filter(|name| signals.channel(name).is_some()).map(|name| (*name).to_owned()).collect()
     };
     let pitch = of(|part| &part.pitch, &pitch, PITCH[0]).map(|found| Delay {
-        late: channels(&["tilt", "tilt_rate"]),
+        late: channels(found.late(&["tilt", "tilt_rate"])),
         against: channels(&["speed"]),
         delay: found.delay,
         std: found.std,
@@ -88,7 +88,7 @@ pub fn delays(signals: &check::Signals) -> Vec<Delay> {
     });
     let with_yaw = |late: f64| of(|part| &part.roll, &|part| roll(part, late), ROLL[0]);
     let roll = with_yaw(0.0).map(|found| {
-        let angle = channels(&["roll", "roll_rate"]);
+        let angle = channels(found.late(&["roll", "roll_rate"]));
         let what = "the sway that turning makes; the fit takes a delay for damping";
         // The yaw rate stands beside the pitch, too: if it is the late one, a late roll explains only a part.
         let yaw = if found.delay.abs() > DOUBTFUL * found.std { late_yaw_rate(found, &with_yaw) } else { None };
@@ -194,10 +194,20 @@ fn roll(s: &Signals, yaw_late: f64) -> Joint {
 struct Lateness {
     /// s
     delay: f64,
-    /// Its standard error, s.
+    /// How late its rate is, s.
+    of_rate: f64,
+    /// Standard error of the angle's delay, s.
     std: f64,
     /// What the simulation leaves of angle and rate: sum of the logarithms of the root mean squares.
     cost: f64,
+}
+
+impl Lateness {
+    /// The angle, and its rate if that is late, too.
+    fn late<'a>(&self, channels: &'a [&'a str; 2]) -> &'a [&'a str] {
+        let too = (self.of_rate - self.delay).abs() < 0.5 * self.delay.abs();
+        if too { channels } else { &channels[..1] }
+    }
 }
 
 /// What a part of a log holds at every instant.
@@ -273,28 +283,33 @@ fn between(one: &State, other: &State, share: f64) -> State {
 /// The rows of angle and rate at every instant that has them, with the number of its block.
 fn rows(part: &Part, theta: &Vector, settle: usize) -> Vec<(usize, [Row; 2])> {
     let (states, known) = part.simulate(theta, settle);
-    let late = theta[3] / part.step;
     let mut all = Vec::new();
     for i in 1..states.len() {
-        let at = i as f64 - late;
-        if at < 1.0 || at >= (states.len() - 2) as f64 {
+        let measured = [part.angle[i], part.rate[i]];
+        if !(measured[0] + measured[1]).is_finite() {
             continue;
         }
-        let (j, share) = (at.floor() as usize, at.fract());
-        if !known[j - 1] || !known[j + 2] || !(part.angle[i] + part.rate[i]).is_finite() {
-            continue;
-        }
-        let x = between(&states[j], &states[j + 1], share);
-        let change = between(&(states[j + 1] - states[j - 1]), &(states[j + 2] - states[j]), share) / (2.0 * part.step);
-        let row = |k: usize, measured: f64| {
+        let row = |k: usize| {
+            let at = i as f64 - theta[3 + k] / part.step;
+            if at < 1.0 || at >= (states.len() - 2) as f64 {
+                return None;
+            }
+            let (j, share) = (at.floor() as usize, at.fract());
+            if !known[j - 1] || !known[j + 2] {
+                return None;
+            }
+            let x = between(&states[j], &states[j + 1], share);
+            let change =
+                between(&(states[j + 1] - states[j - 1]), &(states[j + 2] - states[j]), share) / (2.0 * part.step);
             let mut slope = Vector::zeros();
             (0..3).for_each(|column| slope[column] = x[(k, column + 1)]);
-            slope[3] = -change[(k, 0)];
-            slope[4 + k] = 1.0;
-            Row { slope, measured, left: measured - x[(k, 0)] - theta[4 + k] }
+            slope[3 + k] = -change[(k, 0)];
+            slope[5 + k] = 1.0;
+            Some(Row { slope, measured: measured[k], left: measured[k] - x[(k, 0)] - theta[5 + k] })
         };
+        let (Some(angle), Some(rate)) = (row(0), row(1)) else { continue };
         let block = (i as f64 * part.step / BLOCK) as usize;
-        all.push((block, [row(0, part.angle[i]), row(1, part.rate[i])]));
+        all.push((block, [angle, rate]));
     }
     all
 }
@@ -305,7 +320,7 @@ fn lateness(parts: &[Part], body: &Body, w2: f64) -> Option<Lateness> {
     let settle = (FORGOTTEN / (RATIO * w2.sqrt()) / step).ceil() as usize;
     let given = body.b / body.j;
     let prior = (LENGTHS * given).powi(-2);
-    let mut theta = Vector::from([w2, 2.0 * RATIO * w2.sqrt(), given, 0.0, 0.0, 0.0]);
+    let mut theta = Vector::from([w2, 2.0 * RATIO * w2.sqrt(), given, 0.0, 0.0, 0.0, 0.0]);
     let mut scale: Option<[f64; 2]> = None;
     for _ in 0..ITERATIONS {
         let all: Vec<_> = parts.iter().map(|part| rows(part, &theta, settle)).collect();
@@ -346,13 +361,13 @@ fn lateness(parts: &[Part], body: &Body, w2: f64) -> Option<Lateness> {
         let mut change = inverse * score;
         change[0] = change[0].clamp(-0.3 * theta[0], 0.5 * theta[0]);
         change[1] = change[1].clamp(-0.5 * theta[1], theta[1]);
-        change[3] = change[3].clamp(-0.1, 0.1);
+        (3..5).for_each(|k| change[k] = change[k].clamp(-0.1, 0.1));
         theta += change;
         scale = Some(now);
-        if theta[3].abs() > REACH {
+        if theta[3].abs().max(theta[4].abs()) > REACH {
             return None;
         }
-        if change[3].abs() < SETTLED {
+        if change[3].abs().max(change[4].abs()) < SETTLED {
             if blocks.len() < BLOCKS || !explains(&all) {
                 return None;
             }
@@ -362,7 +377,7 @@ fn lateness(parts: &[Part], body: &Body, w2: f64) -> Option<Lateness> {
             spread[(2, 2)] += prior;
             let covariance = inverse * spread * inverse;
             let cost = now.iter().map(|left| left.ln()).sum();
-            return Some(Lateness { delay: theta[3], std: covariance[(3, 3)].sqrt(), cost });
+            return Some(Lateness { delay: theta[3], of_rate: theta[4], std: covariance[(3, 3)].sqrt(), cost });
         }
     }
     None
