@@ -156,6 +156,10 @@ pub(super) fn side(known: &Known) -> Passive {
 
 fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
     let mut logs = windowed(task)?;
+    // What roll adds while turning is part of biases only.
+    if !session.weighs_noise() {
+        logs.iter_mut().for_each(|log| log.signals.turning = Default::default());
+    }
     let body = signals::body(task.known);
     if task.wants(ROBOT_MASS) || task.wants(HUMAN_MASS) || task.wants(DRAG) {
         check_mass_request(task)?;
