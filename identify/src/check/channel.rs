@@ -1,7 +1,8 @@
 //! Each channel by itself: there at all, alive, within its range, fine enough, not clipped, not wrapped.
 
 use super::relation::HARMLESS;
-use super::{Accelerometer, Finding, Severity, Subject, finding, fits, scan, short};
+use super::{Accelerometer, Finding, Severity, Subject, finding, scan, short};
+use crate::log::columns::fits;
 use crate::log::{Channel, Log};
 use wheelstate::Variable;
 

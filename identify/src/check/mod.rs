@@ -26,6 +26,7 @@ pub use relation::{Delay, Gain, Relation, Side, Term};
 pub use signals::Signals;
 
 use crate::log::Log;
+use crate::log::columns::fits;
 use crate::problem::Known;
 use wheelstate::Variable;
 
@@ -104,14 +105,6 @@ pub fn check(subject: &Subject, log: &Log) -> Vec<Finding> {
     }
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
     findings
-}
-
-/// Whether a name fits a pattern in which one `*` may stand for any text.
-fn fits(pattern: &str, name: &str) -> bool {
-    match pattern.split_once('*') {
-        Some((head, tail)) => name.len() >= head.len() + tail.len() && name.starts_with(head) && name.ends_with(tail),
-        None => pattern == name,
-    }
 }
 
 impl Subject<'_> {

@@ -109,7 +109,7 @@ pub const TRAINING_SHARE: f64 = 0.6;
 pub struct Problem {
     /// Parameters that can be fitted from these logs.
     pub targets: fn(&[Log]) -> Vec<Target>,
-    /// Channels whose outliers are replaced before anything else, see [`outliers`].
+    /// Channels whose outliers are replaced before anything else, see [`outliers`]; a `*` stands for any text.
     pub outliers: &'static [&'static str],
     /// Estimates what the task wants.
     pub estimate: fn(&Task, &mut Session) -> Result<(), FitError>,

@@ -1,6 +1,7 @@
 //! Outliers of single samples.
 
 use crate::log::Log;
+use crate::log::columns::fits;
 use std::borrow::Cow;
 
 /// Reach to both sides of the filter, s, and its threshold in robust standard deviations.
@@ -10,7 +11,8 @@ const THRESHOLD: f64 = 4.0;
 /// Share of outliers in a channel from which on they are worth a note.
 const MANY: f64 = 0.01;
 
-/// The logs with the outliers of these channels replaced, see [`hampel`], and a note on each log that had many.
+/// The logs with the outliers of these channels (a `*` stands for any text) replaced, see [`hampel`], and a note on each log that
+/// had many.
 pub fn replaced<'a>(logs: &'a [Log], channels: &[&str]) -> (Cow<'a, [Log]>, Vec<String>) {
     if channels.is_empty() {
         return (Cow::Borrowed(logs), Vec::new());
@@ -19,7 +21,7 @@ pub fn replaced<'a>(logs: &'a [Log], channels: &[&str]) -> (Cow<'a, [Log]>, Vec<
     for log in &mut logs {
         let period = log.period();
         let (mut count, mut all, mut names) = (0, 0, Vec::new());
-        for channel in log.channels.iter_mut().filter(|channel| channels.contains(&channel.name.as_str())) {
+        for channel in log.channels.iter_mut().filter(|c| channels.iter().any(|pattern| fits(pattern, &c.name))) {
             let (outliers, samples) = (hampel(&mut channel.values, period), channel.values.len());
             if outliers as f64 > MANY * samples as f64 {
                 count += outliers;

@@ -1,16 +1,13 @@
 //! What a log must carry at least before a filter is tuned on it. Everything else may be missing.
 
 use super::Subject;
+use crate::log::columns::fits;
 use crate::log::{Log, LogError};
 use wheelstate::Variable;
 
 /// Refuses a log that cannot be of this machine.
 pub(super) fn check(subject: &Subject, inputs: &[Variable], log: &Log) -> Result<(), LogError> {
-    let matches = |pattern: &str, name: &str| match pattern.strip_suffix('*') {
-        Some(beginning) => name.starts_with(beginning),
-        None => name == pattern,
-    };
-    let sampled = |pattern: &&str| inputs.iter().any(|input| matches(pattern, &input.name) && has_samples(log, input));
+    let sampled = |pattern: &&str| inputs.iter().any(|input| fits(pattern, &input.name) && has_samples(log, input));
     match subject.needed.iter().find(|group| !group.iter().any(sampled)) {
         None => Ok(()),
         Some(group) => {

@@ -92,7 +92,7 @@ mod rule;
 mod select;
 pub(crate) mod unit;
 
-pub use names::{hint, listed, nearest, quoted};
+pub use names::{fits, hint, listed, nearest, quoted};
 pub(crate) use rule::{Candidate, Rule, Source};
 pub(crate) use select::{Selector, Which};
 

@@ -21,6 +21,14 @@ pub fn nearest<'a>(name: &str, names: &[&'a str]) -> Option<&'a str> {
     ranked.filter(|(d, _)| *d <= 1 + name.chars().count() / 4).map(|(_, candidate)| candidate)
 }
 
+/// Whether a name fits a pattern in which one `*` may stand for any text.
+pub fn fits(pattern: &str, name: &str) -> bool {
+    match pattern.split_once('*') {
+        Some((head, tail)) => name.len() >= head.len() + tail.len() && name.starts_with(head) && name.ends_with(tail),
+        None => pattern == name,
+    }
+}
+
 /// Edits between two names, case ignored; 1 if one contains the other, which is no mere letter.
 pub(super) fn distance(a: &str, b: &str) -> usize {
     let (a, b) = (a.to_lowercase(), b.to_lowercase());
