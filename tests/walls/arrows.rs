@@ -80,6 +80,8 @@ pub const CRATES: &[Crate] = &[
                 &[
                     "result",
                     "run",
+                    // the levels at which a profile ends an interval
+                    "solve",
                     "wheelstate::parameter_set",
                     "wheelstate::status",
                     "wheelstate::variable",
