@@ -393,3 +393,29 @@ fn explains(all: &[Vec<(usize, [Row; 2])>]) -> bool {
     let left: f64 = angles().map(|row| row.left.powi(2)).sum();
     left < (1.0 - EXPLAINED) * whole
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::problem::Known;
+    use rand::{RngExt, SeedableRng};
+    use wheelstate::Variables;
+    use wheelstate::estimator::nursing_robot::Parameters;
+
+    /// To noise that has nothing of the acceleration the most damped sway is the best: the damping doubles at every iteration,
+    /// and with it the steps of the simulation, to 1e5 and more at each instant.
+    #[test]
+    fn the_look_for_a_sway_that_is_not_there_ends() {
+        let body = signals::body(&Known::new(Parameters::declare()));
+        for seed in 1..20 {
+            let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+            let mut noise =
+                |size: f64| -> Vec<f64> { (0..1200).map(|_| size * (random.random::<f64>() - 0.5)).collect() };
+            let mut seat = noise(1.0);
+            (1..seat.len()).for_each(|k| seat[k] += 0.9 * seat[k - 1]);
+            let (angle, rate) = (noise(1e-3), noise(1e-3));
+            let part = Part { step: STEP, angle, rate, turning: vec![0.0; seat.len()], seat };
+            assert!(lateness(&[part], &body, 40.0).is_none());
+        }
+    }
+}
