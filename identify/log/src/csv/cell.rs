@@ -1,6 +1,5 @@
 //! One cell of a CSV file.
 
-use super::number;
 use chrono::{DateTime, NaiveDate, NaiveDateTime, NaiveTime};
 
 /// Texts that mean a missing sample, as Excel, R, pandas, MATLAB and Julia write them.
@@ -45,7 +44,7 @@ impl Cells {
         self.unusual(cell, kind)
     }
 
-    /// Whether numbers are written as most programs do, so that [`number_at`] reads them.
+    /// Whether numbers are written as most programs do.
     pub fn are_plain(&self) -> bool {
         self.decimal == b'.' && self.missing.is_empty()
     }
@@ -97,14 +96,6 @@ impl Cells {
     pub fn is_value(&self, cell: &[u8]) -> bool {
         self.value(cell, &mut Kind::Unknown).is_some()
     }
-}
-
-/// The number with a decimal point that stands at a place of a text, whose line ends at `end`, and where the number ends;
-/// as [`Cells::value`] reads it.
-#[inline]
-pub fn number_at(text: &[u8], at: usize, end: usize) -> Option<(f64, usize)> {
-    let found = number::leading(&text[at..]).or_else(|| fast_float2::parse_partial(&text[at..end]).ok());
-    found.map(|(number, length)| (number, at + length))
 }
 
 /// A date and time of ISO 8601 or RFC 3339, s since 1970 in UTC; without a zone it is taken as UTC.

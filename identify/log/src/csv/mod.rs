@@ -18,7 +18,7 @@ use super::{Log, LogError};
 use crate::hash::{self, Hashed};
 use crate::progress::Progress;
 use crate::wanted::Wanted;
-use cell::{Cells, Kind, number_at};
+use cell::{Cells, Kind};
 use dialect::{Dialect, bare};
 use memchr::{memchr, memchr_iter};
 use rows::{Row, Rows};
@@ -234,12 +234,6 @@ impl Usual<'_> {
 
     fn try_read(&self, text: &[u8], length: usize, columns: &mut [Reading]) -> Option<()> {
         let line = &text[..length];
-        let skip_spaces = |mut at: usize| {
-            while line.get(at) == Some(&b' ') {
-                at += 1;
-            }
-            at
-        };
         // Where the next cell begins; none behind the last one.
         let mut start = Some(0);
         let (mut next, mut filled) = (0, 0);
@@ -249,32 +243,45 @@ impl Usual<'_> {
                 at += memchr_iter(self.separator, &line[at..]).nth(place - next - 1)? + 1;
             }
             next = place + 1;
-            at = skip_spaces(at);
             let column = &mut columns[place];
-            let ends = |at: usize| line.get(at).is_none_or(|byte| *byte == self.separator);
-            let mut value = f64::NAN;
-            if !ends(at) {
-                let number = number_at(text, at, length).map(|(number, end)| (number, skip_spaces(end)));
-                (value, at) = match number.filter(|(_, end)| ends(*end)) {
-                    Some(number) => {
-                        column.kind = Kind::Number;
-                        number
-                    }
-                    None => self.word(line, at, &mut column.kind)?,
-                };
-                filled += 1;
-            }
-            column.values.push(value);
-            start = (at < length).then_some(at + 1);
+            // Mostly a number stands alone in its cell.
+            let (value, end) = match number::leading(&text[at..]) {
+                Some((number, count)) if self.ends(line, at + count) => {
+                    column.kind = Kind::Number;
+                    (Some(number), at + count)
+                }
+                _ => self.other(line, at, &mut column.kind)?,
+            };
+            filled += usize::from(value.is_some());
+            column.values.push(value.unwrap_or(f64::NAN));
+            start = (end < length).then_some(end + 1);
         }
         let cells = next + start.map_or(0, |start| memchr_iter(self.separator, &line[start..]).count() + 1);
         // Rows of nothing are counted elsewhere.
         (cells == self.width && filled > 0).then_some(())
     }
 
-    /// A word that means a number or a missing sample, at a place of a line, and where its cell ends.
-    #[cold]
-    fn word(&self, line: &[u8], at: usize, kind: &mut Kind) -> Option<(f64, usize)> {
+    #[inline]
+    fn ends(&self, line: &[u8], at: usize) -> bool {
+        line.get(at).is_none_or(|byte| *byte == self.separator)
+    }
+
+    /// Any cell, from a place of a line on: nothing, a number with spaces or an exponent, or a word that means a number or a
+    /// missing sample; and where the cell ends.
+    #[inline(never)]
+    fn other(&self, line: &[u8], at: usize, kind: &mut Kind) -> Option<(Option<f64>, usize)> {
+        let spaces = |at: usize| line[at..].iter().take_while(|byte| **byte == b' ').count();
+        let at = at + spaces(at);
+        if self.ends(line, at) {
+            return Some((None, at));
+        }
+        if let Ok((number, count)) = fast_float2::parse_partial(&line[at..]) {
+            let end = at + count + spaces(at + count);
+            if self.ends(line, end) {
+                *kind = Kind::Number;
+                return Some((Some(number), end));
+            }
+        }
         let end = memchr(self.separator, &line[at..]).map_or(line.len(), |length| at + length);
         let cell = line[at..end].trim_ascii();
         let mut found = *kind;
@@ -283,7 +290,7 @@ impl Usual<'_> {
             return None;
         }
         *kind = found;
-        Some((value, end))
+        Some((Some(value), end))
     }
 }
 

@@ -11,10 +11,6 @@ const DIGITS: usize = 19;
 /// Powers of ten.
 const TEN: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
 
-/// The same as doubles, which hold powers up to `10^22` exactly.
-const POWERS: [f64; DIGITS + 1] =
-    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19];
-
 /// The first 128 bits of `5^-k`, rounded up; `5^0` is not used.
 const FIFTHS: [u128; DIGITS + 1] = {
     let mut fifths = [0; DIGITS + 1];
@@ -37,7 +33,7 @@ const FIFTHS: [u128; DIGITS + 1] = {
 };
 
 /// The number with which a text begins, and its length; none if it is of another kind, or less than eight bytes follow
-/// it. Exactly the nearest double.
+/// it. Exactly the nearest double. Whether an exponent follows is left for the caller to see.
 #[inline]
 pub fn leading(text: &[u8]) -> Option<(f64, usize)> {
     let negative = text.first() == Some(&b'-');
@@ -55,18 +51,12 @@ pub fn leading(text: &[u8]) -> Option<(f64, usize)> {
         places = at - point - 1;
         count += places;
     }
-    if count == 0 || count > DIGITS || matches!(text.get(at), Some(b'e' | b'E')) {
+    if count == 0 || count > DIGITS {
         return None;
     }
-    let size = if number < 1 << 53 {
-        // Both are exact, and so their quotient is the nearest double.
-        number as f64 / POWERS[places]
-    } else if places == 0 {
-        number as f64
-    } else {
-        quotient(number, places)
-    };
-    Some((if negative { -size } else { size }, at))
+    // No shorter way for what fits into 53 bits: the processor cannot foresee which numbers do.
+    let size = if places == 0 || number == 0 { number as f64 } else { quotient(number, places) };
+    Some((f64::from_bits(size.to_bits() | u64::from(negative) << 63), at))
 }
 
 /// Appends the digits from a place on to a number; the number, if it fits, and where they end.
@@ -100,6 +90,7 @@ fn eight(digits: u64) -> u64 {
 }
 
 /// The double nearest to `number / 10^places`, for a number above 0 and 1 to [`DIGITS`] places.
+#[inline]
 fn quotient(number: u64, places: usize) -> f64 {
     let zeros = number.leading_zeros();
     let number = u128::from(number << zeros);
@@ -114,9 +105,8 @@ fn quotient(number: u64, places: usize) -> f64 {
     // 53 bits and one to round by
     let shift = top + 9;
     let mut bits = upper >> shift;
-    // Halfway between two doubles, which only such few fives allow: to the even one.
-    if lower <= 1 && places <= 4 && bits & 3 == 1 && bits << shift == upper {
-        bits &= !1;
+    if lower <= 1 {
+        bits = halfway(bits, bits << shift == upper, places);
     }
     bits = (bits + (bits & 1)) >> 1;
     // 2^exponent is the power of two in 10^-places, times that of the upper half
@@ -125,14 +115,23 @@ fn quotient(number: u64, places: usize) -> f64 {
     f64::from_bits(((exponent - 1) as u64).wrapping_shl(52).wrapping_add(bits))
 }
 
+/// Halfway between two doubles, which only few fives allow: to the even one.
+#[cold]
+fn halfway(bits: u64, exactly: bool, places: usize) -> u64 {
+    if exactly && places <= 4 && bits & 3 == 1 { bits & !1 } else { bits }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    /// What follows the number in question.
+    const MORE: &str = ",12345678901234567890123";
+
     /// The standard library's parser is the oracle.
     fn check(text: &str) -> Result<(), TestCaseError> {
-        let (number, length) = leading(format!("{text},\n1234567").as_bytes()).expect("a usual number");
+        let (number, length) = leading(format!("{text}{MORE}").as_bytes()).expect("a usual number");
         prop_assert_eq!(length, text.len());
         prop_assert_eq!(number.to_bits(), text.parse::<f64>().unwrap().to_bits(), "{}", text);
         Ok(())
@@ -171,9 +170,13 @@ mod tests {
 
     #[test]
     fn what_is_of_another_kind_is_left_to_others() {
-        for text in ["", "-", ".", "-.", "e5", "nan", "1e5", "1.5E3", "+1", "inf", "12345678901234567890", "x"] {
-            assert_eq!(leading(format!("{text},12345678").as_bytes()), None, "{text}");
+        for text in
+            ["", "-", ".", "-.", "e5", "nan", "+1", "inf", "12345678901234567890", ".123456789012345678901234567", "x"]
+        {
+            assert_eq!(leading(format!("{text}{MORE}").as_bytes()), None, "{text}");
         }
+        assert_eq!(leading(format!("1.5E3{MORE}").as_bytes()), Some((1.5, 3)), "what follows is for others");
+        assert_eq!(leading(b"1.5E3,12345678"), Some((1.5, 3)), "an exponent is for the caller");
         assert_eq!(leading(b"1.5"), None, "what follows cannot be looked at");
         assert_eq!(
             leading(b"-0,1234567").map(|(zero, length)| (zero.to_bits(), length)),
