@@ -46,12 +46,13 @@ pub const CRATES: &[Crate] = &[
             ("progress", &[]),
             ("output", &[]),
             ("between", &[]),
-            ("series", &[]),
+            ("store", &[]),
+            ("series", &["store"]),
             ("selection", &[]),
             ("columns", &["between", "series"]),
             ("error", &["columns", "progress"]),
             // What a file holds, whatever its format, and the readers of each.
-            ("recording", &["columns", "error", "series"]),
+            ("recording", &["columns", "error", "series", "store"]),
             ("csv", READER),
             ("parquet", READER),
             ("mf4", READER),
@@ -249,7 +250,8 @@ pub const CRATES: &[Crate] = &[
 ];
 
 /// What a reader of one format may use: it never sees another one. What it writes is a log.
-const READER: &[&str] = &["", "columns", "error", "guard", "hash", "progress", "recording", "series", "wanted"];
+const READER: &[&str] =
+    &["", "columns", "error", "guard", "hash", "progress", "recording", "series", "store", "wanted"];
 
 /// What one machine of `identify` may use.
 const MACHINE: &[&str] = &[

@@ -29,6 +29,7 @@ mod recording;
 mod sampling;
 mod selection;
 mod series;
+mod store;
 mod table;
 mod wanted;
 
@@ -36,6 +37,7 @@ pub use columns::{ColumnMap, listed};
 pub use error::LogError;
 pub use selection::median;
 pub use series::Series;
+pub use store::{LONG, Store};
 pub use table::{Samples, TableColumn};
 
 use crate::progress::Progress;
@@ -172,6 +174,16 @@ impl Log {
         })
     }
 
+    /// Puts the samples into a file, of which they are read again where they are looked at, see [`Series`].
+    pub fn put_away(&mut self, store: &Store) -> Result<(), LogError> {
+        let put_away = self.series_mut().try_for_each(|series| series.put_away(store));
+        put_away.map_err(|error| LogError::file(&self.source, error.to_string()))
+    }
+
+    fn series_mut(&mut self) -> impl Iterator<Item = &mut Series> {
+        std::iter::once(&mut self.time).chain(self.channels.iter_mut().map(|channel| &mut channel.values))
+    }
+
     /// Adds a channel; all channels have as many values as there are times.
     pub fn push(&mut self, name: &str, values: impl Into<Series>) {
         let values = values.into();
@@ -265,8 +277,11 @@ impl Log {
     }
 
     fn drop_infinite(&mut self) {
-        for channel in self.channels.iter_mut().filter(|channel| any_infinite(&channel.values)) {
+        let some = |values: &Series| values.may_be_infinite() && values.pieces().any(|piece| any_infinite(&piece));
+        for channel in self.channels.iter_mut().filter(|channel| some(&channel.values)) {
             channel.values.iter_mut().filter(|value| value.is_infinite()).for_each(|value| *value = f64::NAN);
+            // A file that has no room for the column leaves it in memory.
+            let _ = recording::Shelf::default().put_away(&mut channel.values);
         }
     }
 

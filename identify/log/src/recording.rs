@@ -4,7 +4,9 @@ use crate::LogError;
 use crate::columns::unit;
 use crate::error::quoted;
 use crate::series::Series;
+use crate::store::{LONG, PIECE, Store, Stored};
 use std::collections::HashSet;
+use std::io;
 
 /// The groups of a file under their own names.
 pub(crate) struct Recording {
@@ -79,9 +81,115 @@ pub(crate) enum Values {
 #[derive(Debug)]
 pub(crate) enum Place {
     /// The line of the header and of every sample in a text file.
-    Lines { header: u64, samples: Vec<u32> },
+    Lines { header: u64, samples: Lines },
     /// The file has no lines; samples count from 1.
     Samples,
+}
+
+/// The line of every sample. Most follow each other, so that only the others are noted.
+#[derive(Debug, Default)]
+pub(crate) struct Lines {
+    len: usize,
+    /// Samples that do not stand in the line after the one before, and where they stand.
+    jumps: Vec<(usize, u64)>,
+}
+
+impl Lines {
+    pub fn push(&mut self, line: u64) {
+        if self.last() != Some(line.wrapping_sub(1)) {
+            self.jumps.push((self.len, line));
+        }
+        self.len += 1;
+    }
+
+    fn last(&self) -> Option<u64> {
+        let (first, line) = self.jumps.last()?;
+        Some(line + (self.len - 1 - first) as u64)
+    }
+
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    fn of(&self, sample: usize) -> u64 {
+        let jumps = self.jumps.partition_point(|(first, _)| *first <= sample);
+        jumps.checked_sub(1).map_or(0, |last| self.jumps[last].1 + (sample - self.jumps[last].0) as u64)
+    }
+}
+
+/// The numbers of a column while it is read: in memory, and in a file once they are many.
+#[derive(Default)]
+pub(crate) struct Growing {
+    /// Those that are not in the file.
+    pub tail: Vec<f64>,
+    stored: Option<Stored>,
+}
+
+/// The file for the columns of a long log, which is made when it is needed. Without one they stay in memory.
+#[derive(Default)]
+pub(crate) struct Shelf {
+    store: Option<Store>,
+    /// The log will be long: nothing waits in memory until it is.
+    pub expected: bool,
+}
+
+impl Shelf {
+    fn store(&mut self) -> Option<&Store> {
+        if self.store.is_none() {
+            self.store = Store::new().ok();
+        }
+        self.store.as_ref()
+    }
+
+    /// Puts a column of a long log into the file.
+    pub fn put_away(&mut self, column: &mut Series) -> io::Result<()> {
+        let store = if column.len() < LONG { None } else { self.store() };
+        store.map_or(Ok(()), |store| column.put_away(store))
+    }
+}
+
+impl Growing {
+    pub fn len(&self) -> usize {
+        self.stored.as_ref().map_or(0, Stored::len) + self.tail.len()
+    }
+
+    /// Makes room for more numbers, but not for more than are kept in memory.
+    pub fn reserve(&mut self, more: usize) {
+        self.tail.reserve(more.min(if self.stored.is_some() { PIECE } else { LONG }));
+    }
+
+    /// Takes back what was added last.
+    pub fn truncate(&mut self, len: usize) {
+        self.tail.truncate(len - self.stored.as_ref().map_or(0, Stored::len));
+    }
+
+    /// Moves what is many enough into the file.
+    pub fn settle(&mut self, shelf: &mut Shelf) -> io::Result<()> {
+        let whole = self.tail.len() - self.tail.len() % PIECE;
+        if whole == 0 || (self.stored.is_none() && whole < LONG && !shelf.expected) {
+            return Ok(());
+        }
+        if self.stored.is_none() {
+            self.stored = shelf.store().map(Stored::new);
+        }
+        if let Some(stored) = &mut self.stored {
+            stored.append(&self.tail[..whole])?;
+            self.tail.drain(..whole);
+            self.tail.shrink_to(2 * PIECE);
+        }
+        Ok(())
+    }
+
+    /// All numbers.
+    pub fn finish(self) -> io::Result<Series> {
+        match self.stored {
+            None => Ok(self.tail.into()),
+            Some(mut stored) => {
+                stored.append(&self.tail)?;
+                Ok(stored.into())
+            }
+        }
+    }
 }
 
 impl Column {
@@ -157,13 +265,44 @@ impl Recording {
     /// An error about one sample.
     pub fn fail_at(&self, group: usize, sample: usize, what: &str) -> LogError {
         match &self.place {
-            Place::Lines { samples, .. } => {
-                LogError::line(&self.file, samples.get(sample).copied().unwrap_or(0).into(), what)
-            }
+            Place::Lines { samples, .. } => LogError::line(&self.file, samples.of(sample), what),
             Place::Samples if self.groups.len() > 1 => {
                 LogError::file(&self.file, format!("{}, sample {}: {what}", self.group(group), sample + 1))
             }
             Place::Samples => LogError::file(&self.file, format!("sample {}: {what}", sample + 1)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_sample_has_its_line() {
+        let all = [3_u64, 4, 5, 9, 10, 12, 12, 20, 21];
+        let mut lines = Lines::default();
+        all.iter().for_each(|line| lines.push(*line));
+        assert_eq!((0..lines.len()).map(|sample| lines.of(sample)).collect::<Vec<_>>(), all);
+        assert_eq!(lines.jumps.len(), 5);
+    }
+
+    #[test]
+    fn a_column_that_grows_long_is_the_same_in_a_file() {
+        let mut column = Growing::default();
+        let mut shelf = Shelf::default();
+        let value = |k: usize| (k as f64).sqrt();
+        for k in 0..LONG + PIECE + 11 {
+            column.tail.push(value(k));
+            if k % 5000 == 0 {
+                column.settle(&mut shelf).unwrap();
+            }
+        }
+        column.tail.push(7.0);
+        column.truncate(column.len() - 1);
+        assert!(column.tail.len() < 2 * PIECE);
+        let series = column.finish().unwrap();
+        assert_eq!(series.len(), LONG + PIECE + 11);
+        assert!(series.iter().enumerate().all(|(k, of)| *of == value(k)));
     }
 }

@@ -10,7 +10,8 @@ const UNIFORM: f64 = 0.01;
 impl Log {
     /// The usual time between two samples: the median, s.
     pub fn period(&self) -> f64 {
-        let time = self.time.as_slice();
+        let own = self.time.clone();
+        let time = own.as_slice();
         let steps = |first: usize, to: &mut [f64]| {
             let pairs = time[first..].iter().zip(&time[first + 1..]);
             to.iter_mut().zip(pairs).for_each(|(step, (before, after))| *step = after - before);
@@ -20,7 +21,7 @@ impl Log {
 
     /// From the first to the last sample, s.
     pub fn duration(&self) -> f64 {
-        self.time.last().zip(self.time.first()).map_or(0.0, |(last, first)| last - first)
+        self.len().checked_sub(1).map_or(0.0, |last| self.time.at(last) - self.time.at(0))
     }
 
     /// The log on even steps, and its period.

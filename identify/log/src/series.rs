@@ -1,12 +1,18 @@
 //! Samples that a log shares with its parts and copies.
 
+use crate::store::{PIECE, Store, Stored};
 use std::fmt;
+use std::io;
 use std::ops::{Deref, DerefMut, Range};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// The samples of one channel, or the times of a log: a slice of numbers. Clones and [`part`](Self::part)s stand for the same
 /// memory, so that the parts of a log, and a log of which one channel is changed, cost nothing but what differs. A write
 /// copies first what others share.
+///
+/// The samples of a long log stand in a file ([`Store`]). Then a series reads its own part when it is looked at for the first
+/// time and keeps it as long as it lives: who looks at all of it piece by piece takes [`pieces`](Self::pieces), and who has
+/// done with it lets a [`clone`](Clone::clone) or a [`part`](Self::part) go.
 ///
 /// ```
 /// use wheelstate_log::Series;
@@ -16,10 +22,18 @@ use std::sync::Arc;
 /// late[0] = 5.0;
 /// assert!(late == [5.0, 3.0] && speed == [0.0, 1.0, 2.0, 3.0]);
 /// ```
-#[derive(Clone, Default)]
+#[derive(Clone)]
 pub struct Series {
-    shared: Arc<Vec<f64>>,
+    held: Held,
     part: Range<usize>,
+}
+
+#[derive(Clone)]
+enum Held {
+    /// All samples, of which the series has a part.
+    Memory(Arc<Vec<f64>>),
+    /// A column in a file, and once it was looked at the part that the series has.
+    Stored(Arc<Stored>, OnceLock<Arc<Vec<f64>>>),
 }
 
 impl Series {
@@ -29,11 +43,89 @@ impl Series {
         self
     }
 
+    /// Number of samples.
+    #[inline]
+    pub fn len(&self) -> usize {
+        self.part.len()
+    }
+
+    /// Whether there is no sample.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.part.is_empty()
+    }
+
     /// A part of the samples, counted from the first one.
     pub fn part(&self, samples: Range<usize>) -> Self {
         let part = self.part.start + samples.start..self.part.start + samples.end;
         assert!(samples.start <= samples.end && part.end <= self.part.end, "{samples:?} of {} samples", self.len());
-        Self { shared: Arc::clone(&self.shared), part }
+        match &self.held {
+            Held::Memory(all) => Self { held: Held::Memory(Arc::clone(all)), part },
+            Held::Stored(column, own) => match own.get() {
+                Some(own) => Self { held: Held::Memory(Arc::clone(own)), part: samples },
+                None => Self { held: Held::Stored(Arc::clone(column), OnceLock::new()), part },
+            },
+        }
+    }
+
+    /// The samples one piece after the other: of a file some ten thousand at a time, so that never more of them are in memory.
+    pub fn pieces(&self) -> impl Iterator<Item = Self> {
+        let size = match &self.held {
+            Held::Memory(_) => self.len().max(1),
+            Held::Stored(..) => PIECE,
+        };
+        (0..self.len()).step_by(size).map(move |first| self.part(first..(first + size).min(self.len())))
+    }
+
+    /// Whether a sample is of some kind; what comes after the first one is not looked at.
+    pub fn any(&self, of_kind: impl Fn(f64) -> bool) -> bool {
+        self.pieces().any(|piece| piece.iter().any(|value| of_kind(*value)))
+    }
+
+    /// All samples, where they stand in a file read into this room: one series after the other takes it.
+    pub fn look<'a>(&'a self, room: &'a mut Vec<f64>) -> &'a [f64] {
+        match &self.held {
+            Held::Stored(column, own) if own.get().is_none() => {
+                room.clear();
+                column.read(self.part.clone(), room);
+                room
+            }
+            _ => self,
+        }
+    }
+
+    /// Whether a sample may be infinite: of a file it was seen when it was written.
+    pub(crate) fn may_be_infinite(&self) -> bool {
+        !matches!(&self.held, Held::Stored(column, _) if !column.infinite())
+    }
+
+    /// One sample.
+    pub fn at(&self, sample: usize) -> f64 {
+        self.part(sample..sample + 1)[0]
+    }
+
+    /// The same, in a file where it is in one, and nothing of it in memory.
+    pub(crate) fn put_back(&mut self) {
+        if let Held::Stored(_, own) = &mut self.held {
+            own.take();
+        }
+    }
+
+    /// Puts the samples into a file, if they do not stand in one, and lets go what was read of them.
+    pub fn put_away(&mut self, store: &Store) -> io::Result<()> {
+        if let Held::Memory(_) = &self.held {
+            let mut column = Stored::new(store);
+            column.append(self)?;
+            *self = Self::from(column);
+        }
+        self.put_back();
+        Ok(())
+    }
+}
+
+impl Default for Series {
+    fn default() -> Self {
+        Self::from(Vec::new())
     }
 }
 
@@ -42,23 +134,43 @@ impl Deref for Series {
 
     #[inline]
     fn deref(&self) -> &[f64] {
-        &self.shared[self.part.clone()]
+        match &self.held {
+            Held::Memory(all) => &all[self.part.clone()],
+            Held::Stored(column, own) => own.get_or_init(|| {
+                let mut samples = Vec::new();
+                column.read(self.part.clone(), &mut samples);
+                Arc::new(samples)
+            }),
+        }
     }
 }
 
 impl DerefMut for Series {
     fn deref_mut(&mut self) -> &mut [f64] {
-        if Arc::get_mut(&mut self.shared).is_none() {
+        let alone = match &mut self.held {
+            Held::Memory(all) => Arc::get_mut(all).is_some(),
+            Held::Stored(..) => false,
+        };
+        if !alone {
             *self = Self::from(self.to_vec());
         }
-        // Nobody shares it any more, so that this copies nothing.
-        &mut Arc::make_mut(&mut self.shared)[self.part.clone()]
+        match &mut self.held {
+            // Nobody shares it any more, so that this copies nothing.
+            Held::Memory(all) => &mut Arc::make_mut(all)[self.part.clone()],
+            Held::Stored(..) => &mut [],
+        }
+    }
+}
+
+impl From<Stored> for Series {
+    fn from(column: Stored) -> Self {
+        Self { part: 0..column.len(), held: Held::Stored(Arc::new(column), OnceLock::new()) }
     }
 }
 
 impl From<Vec<f64>> for Series {
     fn from(samples: Vec<f64>) -> Self {
-        Self { part: 0..samples.len(), shared: Arc::new(samples) }
+        Self { part: 0..samples.len(), held: Held::Memory(Arc::new(samples)) }
     }
 }
 
@@ -106,7 +218,7 @@ impl fmt::Debug for Series {
 
 #[cfg(test)]
 mod tests {
-    use super::Series;
+    use super::*;
 
     #[test]
     fn a_write_changes_no_other_series_and_copies_only_what_is_shared() {
@@ -121,6 +233,28 @@ mod tests {
         let place = whole.as_ptr();
         whole[0] = 9.0;
         assert_eq!(whole.as_ptr(), place);
+    }
+
+    #[test]
+    fn what_is_put_away_comes_back_in_whole_and_in_parts() {
+        let values: Vec<f64> =
+            (0..2 * PIECE + 7).map(|k| f64::from_bits((k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15))).collect();
+        let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        let mut series = Series::from(values.clone()).part(3..values.len());
+        let before = Series::from(vec![1.0; 5]);
+        let store = Store::new().unwrap();
+        for column in [&mut before.clone(), &mut series] {
+            column.put_away(&store).unwrap();
+        }
+        assert_eq!(series.len(), values.len() - 3);
+        let part = series.part(PIECE - 5..PIECE + 9);
+        assert_eq!(bits(&part.part(2..14)), bits(&values[PIECE..PIECE + 12]));
+        assert_eq!(bits(&part.part(2..14)), bits(&part[2..14]));
+        assert_eq!(series.at(9).to_bits(), values[12].to_bits());
+        let pieces: Vec<f64> = series.pieces().flat_map(|piece| piece.to_vec()).collect();
+        assert_eq!(bits(&pieces), bits(&values[3..]));
+        series[0] = 7.0;
+        assert_eq!((series[0], bits(&series[1..])), (7.0, bits(&values[4..])));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use std::fs::File;
 use tempfile::TempDir;
 use wheelstate_log::progress::Progress;
-use wheelstate_log::{Channel, ColumnMap, Log};
+use wheelstate_log::{Channel, ColumnMap, LONG, Log};
 
 fn csv(text: &str) -> Result<Log, String> {
     Log::from_csv("log.csv", text.as_bytes(), None).map_err(|e| e.to_string())
@@ -287,4 +287,43 @@ proptest! {
             prop_assert_eq!(error.to_string().lines().count(), 1);
         }
     }
+}
+
+/// Long logs stand in a file from a million samples on.
+#[test]
+fn a_long_log_is_read_as_it_was_written_and_a_fault_in_it_is_named() {
+    let samples = LONG + 123_457;
+    let value = |k: usize| if k % 1000 == 7 { f64::NAN } else { (k as f64 * 0.37).sin() };
+    let mut log = Log { time: (0..samples).map(|k| k as f64 * 0.01).collect(), ..Log::default() };
+    log.push("speed", (0..samples).map(value).collect::<Vec<_>>());
+    log.push("slow [km/h]", (0..samples).map(|k| 3.6 * (k % 100) as f64).collect::<Vec<_>>());
+    let folder = TempDir::new().unwrap();
+    let read = |name: &str| Log::read(&folder.path().join(name), None, &Progress::none());
+    let mut text = Vec::new();
+    log.write_csv(&mut text).unwrap();
+    text.extend_from_slice(b",,\n,,\n");
+    std::fs::write(folder.path().join("long.csv"), &text).unwrap();
+    let path = folder.path().join("long.parquet");
+    log.write(&path, File::create(&path).unwrap()).unwrap();
+    for name in ["long.csv", "long.parquet"] {
+        let read = read(name).unwrap();
+        assert_eq!(read.time, log.time);
+        let speed = read.series("speed").unwrap();
+        assert_eq!(speed.len(), samples);
+        assert!(
+            (0..samples).all(|k| speed[k].to_bits() == value(k).to_bits() || speed[k].is_nan() && value(k).is_nan())
+        );
+        let part = read.slice(LONG - 5..LONG + 5, |_| true);
+        assert_eq!(part.time, log.time[LONG - 5..LONG + 5]);
+        assert_eq!(read.duration(), log.duration());
+    }
+    let slow = read("long.csv").unwrap().series("slow").unwrap();
+    assert!((0..samples).all(|k| (slow[k] - (k % 100) as f64).abs() < 1e-12));
+    // The second row from the end once more: the time runs backwards in line 2 + samples.
+    text.truncate(text.len() - 6);
+    let row = text[..text.len() - 1].rsplit(|byte| *byte == b'\n').nth(1).unwrap().to_vec();
+    text.extend_from_slice(&row);
+    std::fs::write(folder.path().join("long.csv"), &text).unwrap();
+    let error = read("long.csv").unwrap_err().to_string();
+    assert!(error.contains(&format!("long.csv:{}: the time runs backwards", samples + 2)), "{error}");
 }

@@ -7,7 +7,7 @@ mod rest;
 
 use crate::columns::{ColumnMap, Rule, Selector, unit};
 use crate::error::quoted;
-use crate::recording::{Place, Recording, Values};
+use crate::recording::{Place, Recording, Shelf, Values};
 use crate::{Channel, Input, Log, LogError, Series};
 use bring::{Bring, borrowed};
 pub(crate) use clock::join;
@@ -71,6 +71,7 @@ pub(crate) fn assemble(
     let Times { clocks, base, time } = log_times(&recording, &index, base, &used, time_rule)?;
     let mut bring = Bring { recording: &recording, clocks: &clocks, base, times: &time, sparse: Vec::new() };
     let mut channels = Vec::with_capacity(jobs.len());
+    let mut shelf = Shelf::default();
     for job in &jobs {
         let fail = |what: String| job_error(map, job, &recording, what);
         let between = job.rule.between.or(map.and_then(|map| map.between));
@@ -110,6 +111,7 @@ pub(crate) fn assemble(
         if let (Some((condition, columns)), true) = (&blank, job.mapped) {
             condition.blank(&borrowed(&bring.all(&index, columns, between, &job.name)?), &mut values);
         }
+        shelf.put_away(&mut values).map_err(|error| LogError::file(&recording.file, error.to_string()))?;
         // What stands in the log under its own name keeps its place among the other columns.
         let place = job.source.columns().first().filter(|_| !job.mapped).copied();
         channels.push((place, Channel { name: job.name.clone(), values }));
@@ -121,7 +123,10 @@ pub(crate) fn assemble(
     let (rest, left) = rest(recording, base, &time, &clocks, &taken, names, inputs.is_none() && map.is_none())?;
     notes.extend(left);
     let Rest { file, sha256, channels, unread } = rest;
-    Ok(Log { source: file, sha256, time, channels, notes, unread })
+    let mut log = Log { source: file, sha256, time, channels, notes, unread };
+    let put_away = log.series_mut().try_for_each(|series| shelf.put_away(series));
+    put_away.map_err(|error| LogError::file(&log.source, error.to_string()))?;
+    Ok(log)
 }
 
 /// The channels of the map, and the inputs that stand in the log under their own names.

@@ -13,8 +13,8 @@ pub(super) use dialect::name_and_unit;
 
 use super::columns::CsvOptions;
 use super::error::quoted;
-use super::recording::{Clock, Column, Group, Place, Recording, Values};
-use super::{Log, LogError};
+use super::recording::{Clock, Column, Group, Growing, Lines, Place, Recording, Shelf, Values};
+use super::{LONG, Log, LogError};
 use crate::hash::{self, Hashed};
 use crate::progress::Progress;
 use crate::wanted::Wanted;
@@ -64,7 +64,7 @@ struct Reading {
     title: String,
     unit: Option<String>,
     kind: Kind,
-    values: Vec<f64>,
+    values: Growing,
     /// Place and content of the first text, after which nothing more is read.
     text: Option<(String, String)>,
 }
@@ -112,11 +112,13 @@ pub(super) fn parse(
         }
     }
     let read: Vec<usize> = (0..columns.len()).filter(|place| columns[*place].wanted(wanted, *place)).collect();
-    let mut samples = Vec::new();
+    let mut samples = Lines::default();
+    let mut shelf = Shelf::default();
     let mut empty = 0;
     let mut seen = 0;
-    let look = |row: usize, source: &Source, seen: &mut u64| {
+    let look = |row: usize, columns: &mut [Reading], shelf: &mut Shelf, source: &Source, seen: &mut u64| {
         if row.is_multiple_of(STRIDE) {
+            columns.iter_mut().try_for_each(|column| column.values.settle(shelf)).map_err(fail)?;
             to.advance(source.position() - *seen);
             *seen = source.position();
             to.check()?;
@@ -129,15 +131,16 @@ pub(super) fn parse(
             && let Some((text, length)) = rows.plain().map_err(fail)?
             && usual.read(text, length, &mut columns, samples.len())
         {
-            samples.push(u32::try_from(dialect.skip.1 + rows.pass()).unwrap_or(u32::MAX));
+            samples.push(dialect.skip.1 + rows.pass());
             empty = 0;
-            look(samples.len(), &source, &mut seen)?;
+            look(samples.len(), &mut columns, &mut shelf, &source, &mut seen)?;
             if samples.len() == STRIDE {
                 // Columns that grow are copied again and again; the rows so far tell about how many there will be. A cell takes
                 // two bytes, its separator included.
                 let share = size.saturating_sub(source.position()) as f64 / source.position().max(1) as f64;
                 let more = ((1.02 * share * STRIDE as f64) as u64).min(size / (2 * usual.width as u64)) as usize;
-                samples.reserve(more);
+                shelf.expected = more >= LONG;
+                let more = if shelf.expected { 2 * STRIDE } else { more };
                 usual.places.iter().for_each(|place| columns[*place].values.reserve(more));
             }
             continue;
@@ -158,24 +161,23 @@ pub(super) fn parse(
             }
             let cell = row.get(index).unwrap_or_default();
             match dialect.cells.value(cell, &mut column.kind) {
-                Some(value) => column.values.push(value),
+                Some(value) => column.values.tail.push(value),
                 None => {
                     column.text = Some((format!("{file}:{line}"), source.decode(cell).into_owned()));
-                    column.values = Vec::new();
+                    column.values = Growing::default();
                 }
             }
         }
-        samples.push(u32::try_from(line).unwrap_or(u32::MAX));
-        look(samples.len(), &source, &mut seen)?;
+        samples.push(line);
+        look(samples.len(), &mut columns, &mut shelf, &source, &mut seen)?;
         usual = self::usual(&columns, &read, &dialect);
     }
     let mut notes: Vec<String> = dialect.note.iter().cloned().collect();
     if empty > 0 {
-        samples.truncate(samples.len() - empty);
-        columns.iter_mut().for_each(|column| column.values.truncate(samples.len()));
         notes.push(format!("{empty} empty row{} at the end left out", if empty == 1 { "" } else { "s" }));
     }
-    if samples.is_empty() {
+    let count = samples.len() - empty;
+    if count == 0 {
         return Err(LogError::line(file, header, "there is a header but no sample"));
     }
     for column in columns.iter().filter(|column| column.text.is_none()) {
@@ -187,11 +189,9 @@ pub(super) fn parse(
     }
     drop(rows);
     let sha256 = source.sha256().map_err(|e| LogError::file(file, e.to_string()))?;
-    let columns = columns
-        .into_iter()
-        .enumerate()
-        .map(|(place, column)| finished(column, read.binary_search(&place).is_ok()))
-        .collect();
+    let columns = columns.into_iter().enumerate();
+    let columns = columns.map(|(place, column)| finished(column, read.binary_search(&place).is_ok(), count));
+    let columns = columns.collect::<io::Result<_>>().map_err(fail)?;
     Ok(Recording {
         file: file.to_owned(),
         sha256,
@@ -253,7 +253,7 @@ impl Usual<'_> {
                 _ => self.other(line, at, &mut column.kind)?,
             };
             filled += usize::from(value.is_some());
-            column.values.push(value.unwrap_or(f64::NAN));
+            column.values.tail.push(value.unwrap_or(f64::NAN));
             start = (end < length).then_some(end + 1);
         }
         let cells = next + start.map_or(0, |start| memchr_iter(self.separator, &line[start..]).count() + 1);
@@ -294,18 +294,19 @@ impl Usual<'_> {
     }
 }
 
-fn finished(column: Reading, read: bool) -> Column {
+/// The column with so many samples.
+fn finished(column: Reading, read: bool, count: usize) -> io::Result<Column> {
     let (name, unit) = column.name_and_unit();
     let (name, unit) = (name.to_owned(), unit.map(str::to_owned));
     let typed = matches!(column.kind, Kind::Stamp | Kind::OfDay);
     let unit = if typed { Some("s".to_owned()) } else { unit };
     let values = match column.text {
         None if !read => Values::Unread,
-        None => Values::Numbers(column.values.into()),
+        None => Values::Numbers(column.values.finish()?.part(0..count)),
         Some((at, text)) => Values::Text { at, text },
     };
     let title = (name != column.title).then(|| column.title.clone());
-    Column { name, title, unit, values, typed }
+    Ok(Column { name, title, unit, values, typed })
 }
 
 fn columns(file: &str, row: Row<'_>, line: u64, source: &Source, dialect: &Dialect) -> Result<Vec<Reading>, LogError> {
@@ -317,7 +318,7 @@ fn columns(file: &str, row: Row<'_>, line: u64, source: &Source, dialect: &Diale
         // Spreadsheets break names over several lines.
         let name = name.split(char::is_control).collect::<Vec<_>>().join(" ");
         let title = if name.is_empty() { format!("column_{}", index + 1) } else { name };
-        columns.push(Reading { title, unit: None, kind: Kind::Unknown, values: Vec::new(), text: None });
+        columns.push(Reading { title, unit: None, kind: Kind::Unknown, values: Growing::default(), text: None });
     }
     if row.iter().all(|cell| !cell.is_empty() && dialect.cells.is_value(cell)) {
         let what = "a header with the names of the columns is expected, but here are values";

@@ -3,8 +3,8 @@
 mod arrow;
 mod types;
 
-use super::recording::{Clock, Column, Group, Place, Recording, Values};
-use super::{Log, LogError, Series};
+use super::recording::{Clock, Column, Group, Growing, Place, Recording, Shelf, Values};
+use super::{LONG, Log, LogError, Series};
 use crate::guard::guarded;
 use crate::progress::Progress;
 use crate::wanted::Wanted;
@@ -47,6 +47,8 @@ fn parse(name: &str, file: File, wanted: &Wanted, progress: &Progress) -> Result
         reader.metadata().row_groups().iter().map(|group| usize::try_from(group.num_rows()).unwrap_or(0)).sum();
     let mut columns: Vec<Column> = Vec::new();
     let mut notes = Vec::new();
+    let mut shelf = Shelf::default();
+    shelf.expected = rows >= LONG;
     progress.start(format!("reading {name}"), (schema.num_columns() * reader.num_row_groups()) as u64);
     for (index, column) in schema.columns().iter().enumerate() {
         let title = column.path().string();
@@ -62,14 +64,23 @@ fn parse(name: &str, file: File, wanted: &Wanted, progress: &Progress) -> Result
             progress.advance(reader.num_row_groups() as u64);
             continue;
         }
-        let mut values = Vec::with_capacity(rows.min(MOST_RESERVED));
+        let mut values = Growing::default();
+        if !shelf.expected {
+            values.reserve(rows);
+        }
         let mut damage = None;
         for group in 0..reader.num_row_groups() {
             progress.check()?;
             let read = || {
                 let group = reader.get_row_group(group)?;
                 let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
-                append(group.get_column_reader(index)?, rows, (meaning, column.max_def_level()), &mut values)
+                append(
+                    group.get_column_reader(index)?,
+                    rows,
+                    (meaning, column.max_def_level()),
+                    &mut values,
+                    &mut shelf,
+                )
             };
             // A column that nobody needs shall not refuse the file.
             damage = damage.or(guarded(read)
@@ -82,6 +93,7 @@ fn parse(name: &str, file: File, wanted: &Wanted, progress: &Progress) -> Result
         } else if values.len() != rows {
             columns.push(Column::other(title, format!("{} values instead of {rows}", values.len())));
         } else {
+            let values = values.finish().map_err(|error| LogError::file(name, error.to_string()))?;
             let unit = meaning.is_time().then(|| "s".to_owned());
             if meaning == Meaning::Days || meaning == Meaning::Julian {
                 notes.push(format!("{title}: dates become s since 1970-01-01"));
@@ -90,7 +102,7 @@ fn parse(name: &str, file: File, wanted: &Wanted, progress: &Progress) -> Result
                 name: title,
                 title: None,
                 unit,
-                values: Values::Numbers(values.into()),
+                values: Values::Numbers(values),
                 typed: meaning.is_time(),
             });
         }
@@ -132,9 +144,11 @@ fn append(
     reader: ColumnReader,
     rows: usize,
     (meaning, top): (Meaning, i16),
-    to: &mut Vec<f64>,
+    to: &mut Growing,
+    shelf: &mut Shelf,
 ) -> Result<(), ParquetError> {
     let rows = (rows, top);
+    let to = (to, shelf);
     match reader {
         ColumnReader::BoolColumnReader(reader) => typed(reader, rows, |v| f64::from(u8::from(*v)), to),
         ColumnReader::Int32ColumnReader(reader) => typed(reader, rows, |v| meaning.of_i32(*v), to),
@@ -147,8 +161,6 @@ fn append(
     }
 }
 
-/// Room that is made at once, whatever a damaged file says of its rows.
-const MOST_RESERVED: usize = 1 << 24;
 /// Values that are read at once; with their levels they fit the second-level cache.
 const PIECE: usize = 1 << 14;
 
@@ -156,13 +168,14 @@ const PIECE: usize = 1 << 14;
 fn doubles(
     mut reader: ColumnReaderImpl<DoubleType>,
     (rows, top): (usize, i16),
-    to: &mut Vec<f64>,
+    (all, shelf): (&mut Growing, &mut Shelf),
 ) -> Result<(), ParquetError> {
     let mut levels = Vec::new();
     let mut left = rows;
-    to.reserve(rows.min(MOST_RESERVED));
+    all.reserve(rows.min(PIECE));
     while left > 0 {
         levels.clear();
+        let to = &mut all.tail;
         let first = to.len();
         let (records, present, count) = reader.read_records(left.min(PIECE), Some(&mut levels), None, to)?;
         if records == 0 {
@@ -181,6 +194,7 @@ fn doubles(
                 };
             }
         }
+        all.settle(shelf)?;
         left -= records;
     }
     Ok(())
@@ -195,7 +209,7 @@ fn typed<T: DataType>(
     mut reader: ColumnReaderImpl<T>,
     (rows, top): (usize, i16),
     number: impl Fn(&T::T) -> f64,
-    to: &mut Vec<f64>,
+    (all, shelf): (&mut Growing, &mut Shelf),
 ) -> Result<(), ParquetError> {
     let (mut levels, mut values) = (Vec::new(), Vec::new());
     let mut left = rows;
@@ -206,6 +220,7 @@ fn typed<T: DataType>(
         if records == 0 {
             return Err(ended(left));
         }
+        let to = &mut all.tail;
         let mut present = values.iter().map(&number);
         if levels[..count.min(levels.len())].iter().all(|level| *level == top) {
             to.extend(present);
@@ -213,6 +228,7 @@ fn typed<T: DataType>(
             let filled = levels[..count].iter().map(|level| if *level == top { present.next() } else { None });
             to.extend(filled.map(|value| value.unwrap_or(f64::NAN)));
         }
+        all.settle(shelf)?;
         left -= records;
     }
     Ok(())
