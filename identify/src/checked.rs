@@ -1,7 +1,7 @@
 //! A fit with the look at the logs before it, as the command line and the Python package do it.
 
 use crate::finding::{Finding, Severity};
-use crate::log::Log;
+use crate::log::{LONG, Log, Store};
 use crate::problem::{FitError, FitRequest};
 use crate::progress::{Interrupted, Progress};
 use crate::result::{FORMAT_VERSION, FitReport, LogEntry};
@@ -78,18 +78,30 @@ pub fn worst(findings: &[Finding]) -> Severity {
 
 /// Keeps of a log the samples from one time to another, s, and takes those in the excluded spans as missing.
 pub fn within(log: &mut Log, (from, to): (f64, f64), exclude: &[(f64, f64)]) -> Result<(), String> {
-    let first = log.time.partition_point(|time| *time < from);
-    let last = log.time.partition_point(|time| *time <= to);
+    if (from, to) == (f64::NEG_INFINITY, f64::INFINITY) && exclude.is_empty() {
+        return Ok(());
+    }
+    // The times of a long log are in memory as long as they are looked at.
+    let time = log.time.clone();
+    let first = time.partition_point(|time| *time < from);
+    let last = time.partition_point(|time| *time <= to);
+    drop(time);
     if last < first + 2 {
         return Err(format!("{}: no samples between --from {from} and --to {to} s", log.source));
     }
     if last - first < log.len() {
         *log = log.slice(first..last, |_| true);
     }
-    for (from, to) in exclude {
-        let missing = log.time.partition_point(|time| time < from)..log.time.partition_point(|time| time <= to);
-        for channel in log.channels.iter_mut().filter(|channel| !channel.name.starts_with("true_")) {
-            channel.values[missing.clone()].fill(f64::NAN);
+    let time = log.time.clone();
+    let missing = exclude
+        .iter()
+        .map(|(from, to)| time.partition_point(|time| time < from)..time.partition_point(|time| time <= to));
+    let missing: Vec<_> = missing.collect();
+    let store = if log.len() < LONG || missing.is_empty() { None } else { Store::new().ok() };
+    for channel in log.channels.iter_mut().filter(|channel| !channel.name.starts_with("true_")) {
+        missing.iter().for_each(|missing| channel.values[missing.clone()].fill(f64::NAN));
+        if let Some(store) = &store {
+            channel.values.put_away(store).map_err(|error| format!("{}: {error}", log.source))?;
         }
     }
     Ok(())

@@ -403,9 +403,9 @@ impl FitReport {
         for name in self.parameters.keys() {
             let channel = format!("true_{name}");
             let constant = |log: &Log| {
-                let values = log.channel(&channel)?;
-                let first = *values.first().filter(|value| value.is_finite())?;
-                values.iter().all(|value| *value == first).then_some(first)
+                let values = log.series(&channel).filter(|values| !values.is_empty())?;
+                let first = Some(values.at(0)).filter(|value| value.is_finite())?;
+                (!values.any(|value| value != first)).then_some(first)
             };
             let values: Option<Vec<f64>> = logs.iter().map(constant).collect();
             if let Some([first, rest @ ..]) = values.as_deref()

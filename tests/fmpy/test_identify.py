@@ -241,7 +241,7 @@ def test_times_of_a_table_may_be_time_stamps(identify, tmp_path):
 # --- a long log ---------------------------------------------------------------------------------
 
 
-def test_an_hour_fits_in_seconds_and_memory_grows_with_the_log(identify, program, tmp_path):
+def test_an_hour_fits_in_seconds_and_a_day_in_little_memory(identify, program, tmp_path):
     def fit(name):
         command = [program("identify"), "fit", "nursing-robot", name, "--out", "fit.json"]
         began = time.monotonic()
@@ -259,3 +259,21 @@ def test_an_hour_fits_in_seconds_and_memory_grows_with_the_log(identify, program
     print(f"an hour at 100 Hz: {work:.1f} s of work, {elapsed:.1f} s elapsed, {hour:.0f} MB (a quarter: {quarter:.0f} MB)")
     assert work < 15, "user time, not the waiting on a busy machine"
     assert hour < 4.4 * quarter
+    for name, hours in [("morning.csv", 4), ("day.csv", 8)]:
+        repeat(tmp_path / "hour.csv", hours, tmp_path / name)
+        sizes[name] = fit(name)
+    (_, _, morning), (_, _, day) = sizes["morning.csv"], sizes["day.csv"]
+    print(f"four hours take {morning:.0f} MB, eight {day:.0f} MB")
+    # Columns would take 8 bytes for each of 11 channels and more: 250 MB for eight hours, and 125 for another four.
+    assert day < 140
+    assert day - morning < 50
+
+
+def repeat(log, times, to):
+    """A log again and again, at 100 Hz."""
+    header, *rows = log.read_text().splitlines()
+    rows = [row.partition(",")[2] for row in rows]
+    with to.open("w") as file:
+        print(header, file=file)
+        for k in range(times * len(rows)):
+            print(f"{k / 100:.2f},{rows[k % len(rows)]}", file=file)

@@ -1,9 +1,12 @@
 //! Each channel by itself: there at all, alive, within its range, fine enough, not clipped, not wrapped.
 
 use super::relation::HARMLESS;
+use super::signals::moves;
 use super::{Accelerometer, Finding, Severity, Subject, finding, scan, short};
 use crate::log::columns::fits;
-use crate::log::{Channel, Log};
+use crate::log::{Channel, Log, Series};
+use std::cell::OnceCell;
+use std::collections::BTreeMap;
 use wheelstate::Variable;
 
 /// Share of the samples beyond the declared range from which it is the unit and not a spike.
@@ -31,14 +34,13 @@ const G: f64 = 9.80665;
 /// Samples that are looked at together.
 const STRETCH: usize = 64;
 
-/// What is wrong with the channels of a log.
-pub fn check(subject: &Subject, log: &Log) -> Vec<Finding> {
+/// What is wrong with the channels of a log of this period.
+pub fn check(subject: &Subject, log: &Log, period: f64) -> Vec<Finding> {
     let mut found = missing(subject, log);
-    let period = log.period();
-    for channel in &log.channels {
-        if subject.reads(&channel.name) {
-            found.extend(one(subject, log, period, channel, subject.input(&channel.name)));
-        }
+    // Of a long log one channel after the other is in memory.
+    let mut room = Vec::new();
+    for channel in log.channels.iter().filter(|channel| subject.reads(&channel.name)) {
+        found.extend(one(subject, log, period, (&channel.name, channel.values.look(&mut room))));
     }
     for sensor in subject.checks.gravity {
         found.extend(gravity(log, sensor));
@@ -54,8 +56,8 @@ fn depends_on(subject: &Subject, log: &Log, name: &str) -> bool {
 
 /// Whether a channel of this name, but not `except`, holds a sample.
 fn usable(log: &Log, pattern: &str, except: Option<&str>) -> bool {
-    let channels = log.channels.iter().filter(|c| fits(pattern, &c.name) && Some(c.name.as_str()) != except);
-    channels.flat_map(|channel| &channel.values).any(|value| value.is_finite())
+    let mut channels = log.channels.iter().filter(|c| fits(pattern, &c.name) && Some(c.name.as_str()) != except);
+    channels.any(|channel| channel.values.any(f64::is_finite))
 }
 
 /// Channels that the fit needs or could use and that are not there.
@@ -195,11 +197,7 @@ fn is_command(variable: Option<&Variable>) -> bool {
 fn at_rest(subject: &Subject, log: &Log) -> bool {
     let measured =
         |c: &&Channel| subject.input(&c.name).is_some_and(|input| input.measured && !input.unit.starts_with('N'));
-    let changes = |c: &Channel| {
-        let mut finite = c.values.iter().filter(|value| value.is_finite());
-        finite.next().is_some_and(|first| finite.any(|value| value != first))
-    };
-    !log.channels.iter().filter(measured).any(changes)
+    !log.channels.iter().filter(measured).any(|channel| moves(&channel.values))
 }
 
 /// An angle without end.
@@ -207,8 +205,8 @@ fn is_encoder(variable: Option<&Variable>) -> bool {
     variable.is_some_and(|variable| variable.unit == "rad" && variable.range.1 > 1e3)
 }
 
-fn one(subject: &Subject, log: &Log, period: f64, channel: &Channel, variable: Option<&Variable>) -> Vec<Finding> {
-    let (name, values) = (channel.name.as_str(), channel.values.as_slice());
+fn one(subject: &Subject, log: &Log, period: f64, (name, values): (&str, &[f64])) -> Vec<Finding> {
+    let variable = subject.input(name);
     let long = ((FROZEN.0 / period).ceil() as usize).max(FROZEN.1);
     let profile = Profile::of(values, long);
     let needed = depends_on(subject, log, name);
@@ -287,7 +285,7 @@ fn outside(log: &Log, variable: &Variable, values: &[f64], profile: &Profile) ->
         "check its unit".to_owned()
     };
     let found = finding(log, "out-of-range", Severity::Refusal, variable.name.as_str());
-    Some(found.at(log.time[first]).says(message, what))
+    Some(found.at(log.time.at(first)).says(message, what))
 }
 
 /// A sensor with noise that repeats one value while the machine moves.
@@ -298,7 +296,8 @@ fn frozen(subject: &Subject, log: &Log, period: f64, name: &str, values: &[f64],
     let dead_from = profile.dead_from(period);
     let unit = |name: &str| subject.input(name).map_or("", |variable| variable.unit);
     let is_rate = |name: &str| matches!(unit(name), "m/s" | "rad/s");
-    let measured = |c: &&Channel| c.name != name && subject.input(&c.name).is_some_and(|v| v.measured);
+    let measured = |c: &Channel| c.name != name && subject.input(&c.name).is_some_and(|v| v.measured);
+    let spans: Vec<OnceCell<f64>> = vec![OnceCell::new(); log.channels.len()];
     let span = |values: &[f64]| {
         let finite = values.iter().filter(|value| value.is_finite());
         let (low, high) = finite.fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(*v), high.max(*v)));
@@ -310,18 +309,20 @@ fn frozen(subject: &Subject, log: &Log, period: f64, name: &str, values: &[f64],
         if run.to - run.from < dead_from || values[run.from] == profile.high || values[run.from] == profile.low {
             return false;
         }
-        let moves = |c: &Channel| span(&c.values[run.from..run.to]) > MOVES * span(&c.values);
-        let mut others = log.channels.iter().filter(measured);
+        let moves = |(c, whole): (&Channel, &OnceCell<f64>)| {
+            span(&c.values.part(run.from..run.to)) > MOVES * whole.get_or_init(|| span(&c.values.clone()))
+        };
+        let mut others = log.channels.iter().zip(&spans).filter(|(c, _)| measured(c));
         if is_rate(name) {
             // A speed of exactly 0 is a rest, unless another speed says otherwise; any other one is motion itself.
-            values[run.from].abs() > MOVES * size || others.any(|c| is_rate(&c.name) && moves(c))
+            values[run.from].abs() > MOVES * size || others.any(|other| is_rate(&other.0.name) && moves(other))
         } else {
             others.any(moves)
         }
     };
     let dead: Vec<&Run> = profile.runs.iter().filter(alive).collect();
     let longest = dead.iter().max_by_key(|run| run.to - run.from)?;
-    let seconds = log.time[longest.to - 1] - log.time[longest.from];
+    let seconds = log.time.at(longest.to - 1) - log.time.at(longest.from);
     let message = format!(
         "stands at {} for {} s while the machine moves{}",
         short(values[longest.from]),
@@ -331,36 +332,48 @@ fn frozen(subject: &Subject, log: &Log, period: f64, name: &str, values: &[f64],
     let what = format!(
         "cut the log there, or mark these samples as missing in a column map: {name} = {{ column = \"...\", missing_if = \"...\" }}"
     );
-    Some(finding(log, "stuck-channel", Severity::Warning, name).at(log.time[longest.from]).says(message, what))
+    Some(finding(log, "stuck-channel", Severity::Warning, name).at(log.time.at(longest.from)).says(message, what))
 }
 
 /// A sensor with a slower clock, of which every value is held until the next one: on average it is late by half its period less
 /// half a sample. What moves by single steps of its resolution repeats values, too, and is no such sensor.
 fn repeated(log: &Log, period: f64, name: &str, values: &[f64], profile: &Profile) -> Option<Finding> {
-    let (mut lengths, mut changes) = (Vec::new(), Vec::new());
-    let mut length = 0;
+    // How often a value lasts for so many samples.
+    let mut lasts: BTreeMap<usize, usize> = BTreeMap::new();
+    let (mut length, mut ones) = (0, 0);
     for pair in values.windows(2) {
         length += 1;
         if pair[0] != pair[1] {
-            if pair[0].is_finite() && pair[1].is_finite() {
-                lengths.push(length);
-                changes.push((pair[1] - pair[0]).abs());
+            match length {
+                _ if !(pair[0].is_finite() && pair[1].is_finite()) => {}
+                1 => ones += 1,
+                _ => *lasts.entry(length).or_default() += 1,
             }
             length = 0;
         }
     }
-    if lengths.len() < REPEATED.0 {
+    lasts.insert(1, ones);
+    let count: usize = lasts.values().sum();
+    if count < REPEATED.0 {
         return None;
     }
-    let middle = lengths.len() / 2;
-    let usual = *changes.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let times = *lengths.clone().select_nth_unstable(middle).1;
+    let mut up_to = 0;
+    let median = lasts.iter().find(|(_, often)| {
+        up_to += **often;
+        up_to > count / 2
+    });
+    let times = *median?.0;
     let late = 0.5 * (times - 1) as f64 * period;
     // Clocks that are no multiples of each other differ by a sample; two equal values in a row are one long one.
-    let regular =
-        lengths.iter().filter(|length| (*length % times).min(times - *length % times) <= usize::from(times > 2));
-    let regular = regular.count() as f64 > REPEATED.1 * lengths.len() as f64;
-    if !regular || late <= HARMLESS.max(period) || usual < REPEATED.2 * profile.step {
+    let even = |length: usize| (length % times).min(times - length % times) <= usize::from(times > 2);
+    let regular: usize = lasts.iter().filter(|(length, _)| even(**length)).map(|(_, often)| often).sum();
+    if regular as f64 <= REPEATED.1 * count as f64 || late <= HARMLESS.max(period) {
+        return None;
+    }
+    let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let mut changes: Vec<f64> = changes.filter(|change| change.is_finite() && *change != 0.0).collect();
+    let middle = changes.len() / 2;
+    if *changes.select_nth_unstable_by(middle, f64::total_cmp).1 < REPEATED.2 * profile.step {
         return None;
     }
     let message = format!(
@@ -401,7 +414,7 @@ fn clipped(log: &Log, name: &str, values: &[f64], profile: &Profile) -> Option<F
         let message = format!("{share:.1} % of the samples are exactly {}, the {word} value", short(end));
         let what = "the sensor seems to be at the end of its range: use a wider one, or mark these samples as missing";
         return Some(
-            finding(log, "saturated-channel", Severity::Warning, name).at(log.time[first]).says(message, what),
+            finding(log, "saturated-channel", Severity::Warning, name).at(log.time.at(first)).says(message, what),
         );
     }
     None
@@ -437,13 +450,13 @@ fn wrapped(log: &Log, name: &str, values: &[f64], profile: &Profile) -> Option<F
     let turn = (values[first + 1] - values[first]).abs();
     let message = format!("jumps by {} rad, {} times in all: its counter wraps", short(turn), places.len());
     let what = "unwrap it: add the counter's range at each jump, or map a speed with integrate = true";
-    Some(finding(log, "wrapped-channel", Severity::Refusal, name).at(log.time[first + 1]).says(message, what))
+    Some(finding(log, "wrapped-channel", Severity::Refusal, name).at(log.time.at(first + 1)).says(message, what))
 }
 
 /// Specific force on average: gravity.
 fn gravity(log: &Log, sensor: &Accelerometer) -> Option<Finding> {
     let axes = sensor.axes;
-    let values: Option<Vec<&[f64]>> = axes.iter().map(|axis| log.channel(axis)).collect();
+    let values: Option<Vec<Series>> = axes.iter().map(|axis| log.series(axis)).collect();
     let values = values?;
     let norm = |k: usize| values.iter().map(|axis| axis[k] * axis[k]).sum::<f64>().sqrt();
     let mut norms: Vec<f64> = (0..log.len()).map(norm).filter(|norm| norm.is_finite()).collect();

@@ -25,8 +25,8 @@ pub use crate::finding::{Finding, Severity};
 pub use relation::{Delay, Gain, Relation, Side, Term};
 pub use signals::Signals;
 
-use crate::log::Log;
 use crate::log::columns::fits;
+use crate::log::{LONG, Log};
 use crate::problem::Known;
 use wheelstate::Variable;
 
@@ -54,7 +54,8 @@ pub struct Checks {
     pub gravity: &'static [Accelerometer],
     /// Channels that tell the same in two ways.
     pub relations: fn(&Signals) -> Vec<Relation>,
-    /// Delays that no linear equation between signals shows, but a simulation of the machine: those that are a fault.
+    /// Delays that no linear equation between signals shows, but a simulation of the machine: those that are a fault. Signals
+    /// of a long log are as recorded, and are to be looked at in parts.
     pub delays: fn(&Signals) -> Vec<Delay>,
 }
 
@@ -90,15 +91,27 @@ pub struct Subject<'a> {
 
 /// Everything that is found in one log, the worst first.
 pub fn check(subject: &Subject, log: &Log) -> Vec<Finding> {
-    let mut findings = time::check(subject, log);
-    findings.extend(channel::check(subject, log));
+    check_from(LONG, subject, log)
+}
+
+/// The same, where a log is long from so many samples on: then never more than a few of its columns, or a block of it, are in
+/// memory.
+pub(crate) fn check_from(long: usize, subject: &Subject, log: &Log) -> Vec<Finding> {
+    let period = log.period();
+    let mut findings = time::check(subject, log, period);
+    findings.extend(channel::check(subject, log, period));
     // With a wrong clock every slope is wrong: it would only be said again in other words.
     if findings.iter().all(|finding| finding.channel != "time" || finding.severity < Severity::Refusal) {
         let spoilt: Vec<String> =
             findings.iter().filter(|f| f.severity >= Severity::Warning).map(|f| f.channel.clone()).collect();
-        let signals = Signals::new(subject, log);
-        let relations = (subject.checks.relations)(&signals);
-        findings.extend(relation::check(&signals, &relations, &spoilt));
+        let whole = log.len() < long;
+        let signals = if whole { Signals::new(subject, log) } else { Signals::of_parts(subject, log, period) };
+        let answers = if whole {
+            relation::answers(&signals, (subject.checks.relations)(&signals), &spoilt)
+        } else {
+            relation::answers_by_blocks(subject, log, &spoilt)
+        };
+        findings.extend(relation::check(log, signals.period, &answers));
         let delays = (subject.checks.delays)(&signals).into_iter();
         let delays = delays.filter(|delay| !findings.iter().any(|finding| delay.is_said_by(finding)));
         findings.extend(delays.map(|delay| delay.finding(log)).collect::<Vec<_>>());

@@ -14,8 +14,8 @@
 //! noise: a delay that is one shows in all parts of a log alike.
 
 use super::gram::Gram;
-use super::window::Filter;
-use super::{Finding, Severity, Signals, finding, short};
+use super::window::{Filter, taps};
+use super::{Finding, Severity, Signals, Subject, finding, short};
 use crate::log::{Log, Series};
 use multiversion::multiversion;
 use rayon::prelude::*;
@@ -141,6 +141,24 @@ impl Relation {
     /// The same without constants: both sides are zero together.
     pub fn without_constant(self) -> Self {
         Self { constant: false, ..self }
+    }
+
+    /// Whether it has a channel that is known to be bad.
+    fn is_spoilt(&self, spoilt: &[String]) -> bool {
+        self.channels().any(|channel| spoilt.iter().any(|list| list.split(", ").any(|name| name == channel)))
+    }
+
+    /// Whether it is the same of another block.
+    fn is_like(&self, other: &Self) -> bool {
+        self.what == other.what && self.channels().eq(other.channels())
+    }
+
+    /// The same without its samples.
+    fn without_samples(&self) -> Self {
+        let mut bare = self.clone();
+        let parts = bare.x.iter_mut().chain([&mut bare.y]).flat_map(|term| &mut term.parts);
+        parts.for_each(|(samples, _)| *samples = Series::default());
+        bare
     }
 
     /// Every channel of it.
@@ -277,53 +295,141 @@ fn add_scaled(to: &mut [f64], values: &[f64], factor: f64) {
     to.iter_mut().zip(values).for_each(|(sum, value)| *sum += value * factor);
 }
 
-/// Works a relation out on a log.
-pub fn answer(signals: &Signals, relation: &Relation) -> Option<Answer> {
-    let period = signals.period;
-    if !(period.is_finite() && period > 0.0) {
-        return None;
+/// How the values of a log's signals are taken into sums.
+#[derive(Clone, Copy, Debug)]
+struct Grid {
+    /// Samples and time, s, from one value to the next.
+    stride: usize,
+    step: f64,
+    /// Values that lags reach to both sides.
+    reach: usize,
+    /// Blocks, and the values of each of them.
+    blocks: usize,
+    block: usize,
+    /// Values from one instant to the next.
+    every: usize,
+}
+
+impl Grid {
+    /// For signals of so many samples, of which windows take some.
+    fn new(samples: usize, taken: usize, period: f64) -> Option<Self> {
+        if !(period.is_finite() && period > 0.0) {
+            return None;
+        }
+        let stride = ((LAG / period).round() as usize).max(1);
+        let step = period * stride as f64;
+        let count = samples.saturating_sub(taken).div_ceil(stride);
+        let reach = ((REACH.0 / step).round() as usize).max(REACH.1);
+        let blocks = ((count as f64 * step / BLOCK) as usize).clamp(BLOCKS.0, BLOCKS.1);
+        let block = count / blocks;
+        let apart = ((APART / step).round() as usize).min(block / ENOUGH);
+        let every = count.div_ceil(INSTANTS).max(apart).max(1);
+        (block >= 4).then_some(Self { stride, step, reach, blocks, block, every })
     }
-    let stride = ((LAG / period).round() as usize).max(1);
-    let step = period * stride as f64;
-    let terms: Vec<&Term> = relation.x.iter().chain([&relation.y]).collect();
-    let filters: Vec<Filter> = terms.iter().map(|term| Filter::new(&term.parts, period, stride)).collect();
-    let n = terms.len();
-    let count = filters[0].len();
-    let reach = ((REACH.0 / step).round() as usize).max(REACH.1);
-    let length = ((count as f64 * step / BLOCK) as usize).clamp(BLOCKS.0, BLOCKS.1);
-    let block = count / length;
-    if block < 4 {
-        return None;
+}
+
+/// The signals of a relation through their windows.
+struct Filtered<'a> {
+    terms: Vec<&'a Term>,
+    filters: Vec<Filter<'a>>,
+    /// Values that lags reach to both sides, by term.
+    reaches: Vec<usize>,
+    constant: bool,
+    /// The values of a block, and as many before and after it as lags reach; only those that instants need are filled.
+    values: Vec<Vec<f64>>,
+}
+
+impl<'a> Filtered<'a> {
+    fn new(relation: &'a Relation, period: f64, grid: &Grid) -> Self {
+        let terms: Vec<&Term> = relation.x.iter().chain([&relation.y]).collect();
+        let filters = terms.iter().map(|term| Filter::new(&term.parts, period, grid.stride)).collect();
+        let reaches = terms.iter().map(|term| if term.side == Side::Late { grid.reach } else { 0 }).collect();
+        Self { values: vec![Vec::new(); terms.len()], terms, filters, reaches, constant: relation.constant }
     }
-    let apart = ((APART / step).round() as usize).min(block / ENOUGH);
-    let every = count.div_ceil(INSTANTS).max(apart).max(1);
-    let lags = 2 * reach + 1;
-    let reaches: Vec<usize> = terms.iter().map(|term| if term.side == Side::Late { reach } else { 0 }).collect();
-    let farthest = reaches.iter().copied().max().unwrap_or(0);
-    // The values of a block, and as many before and after it as lags reach; only those that instants need are filled.
-    let mut values = vec![vec![f64::NAN; block + 2 * farthest]; n];
-    let mut sums: Vec<Vec<Gram>> = Vec::with_capacity(length);
-    for b in 0..length {
-        let first = (b * block).saturating_sub(farthest);
-        let inside = farthest..count.saturating_sub(farthest);
-        let mut instants: Vec<usize> =
-            (b * block..(b + 1) * block).step_by(every).filter(|k| inside.contains(k)).collect();
-        for ((filter, values), reach) in filters.iter().zip(&mut values).zip(&reaches) {
+
+    fn len(&self) -> usize {
+        self.filters[0].len()
+    }
+
+    fn farthest(&self) -> usize {
+        self.reaches.iter().copied().max().unwrap_or(0)
+    }
+
+    /// The sums over a block of values by lag.
+    fn sums(&mut self, block: Range<usize>, grid: &Grid) -> Vec<Gram> {
+        let farthest = self.farthest();
+        self.values.iter_mut().for_each(|values| values.resize(block.len() + 2 * farthest, f64::NAN));
+        let first = block.start.saturating_sub(farthest);
+        let inside = farthest..self.len().saturating_sub(farthest);
+        let mut instants: Vec<usize> = block.step_by(grid.every).filter(|k| inside.contains(k)).collect();
+        for ((filter, values), reach) in self.filters.iter().zip(&mut self.values).zip(&self.reaches) {
             for range in around(&instants, *reach) {
                 filter.fill(range.start, &mut values[range.start - first..range.end - first]);
             }
         }
         instants.iter_mut().for_each(|k| *k -= first);
         let there = |k: usize| {
-            values.iter().zip(&reaches).all(|(values, reach)| {
+            self.values.iter().zip(&self.reaches).all(|(values, reach)| {
                 // To count them all is faster than to stop at the first.
                 values[k - reach..=k + reach].iter().filter(|value| !value.is_finite()).count() == 0
             })
         };
         instants.retain(|k| there(*k));
-        let grams = by_lag(&terms, &values, &instants, reach).into_iter();
-        sums.push(grams.map(|gram| if relation.constant { gram.centred() } else { gram }).collect());
+        let grams = by_lag(&self.terms, &self.values, &instants, grid.reach).into_iter();
+        grams.map(|gram| if self.constant { gram.centred() } else { gram }).collect()
     }
+}
+
+/// Works a relation out on a log.
+pub fn answer(signals: &Signals, relation: &Relation) -> Option<Answer> {
+    let grid = Grid::new(signals.len() + 1, taps(signals.period), signals.period)?;
+    let mut filtered = Filtered::new(relation, signals.period, &grid);
+    let block = |b: usize| b * grid.block..(b + 1) * grid.block;
+    let sums = (0..grid.blocks).map(|b| filtered.sums(block(b), &grid)).collect();
+    concluded(sums, &grid)
+}
+
+/// What a relation says of a long log, from the sums over its blocks.
+struct Summed {
+    /// The relation without its samples.
+    relation: Relation,
+    sums: Vec<Vec<Gram>>,
+}
+
+/// Works all relations out on a long log, one block after the other in memory. Relations with channels of `spoilt` say nothing.
+pub fn answers_by_blocks(subject: &Subject, log: &Log, spoilt: &[String]) -> Vec<(Relation, Answer)> {
+    // Steps are even within a block, so that the usual one of some of them will do.
+    let period = log.slice(0..log.len() / BLOCKS.1, |_| false).period();
+    let Some(grid) = Grid::new(log.len() + 1, taps(period), period) else { return Vec::new() };
+    let margin = grid.reach * grid.stride + taps(period) / 2;
+    let mut all: Vec<Summed> = Vec::new();
+    for b in 0..grid.blocks {
+        let (from, to) = (b * grid.block * grid.stride, (b + 1) * grid.block * grid.stride);
+        let range = from.saturating_sub(margin)..(to + margin).min(log.len());
+        let signals = Signals::new(subject, &log.slice(range, |_| true));
+        let relations: Vec<Relation> = (subject.checks.relations)(&signals);
+        let sums = |relation: &Relation| {
+            let mut filtered = Filtered::new(relation, signals.period, &grid);
+            let far = filtered.farthest();
+            let block = far..filtered.len().saturating_sub(far).max(far);
+            filtered.sums(block, &grid)
+        };
+        let there: Vec<_> = relations.par_iter().filter(|r| !r.is_spoilt(spoilt)).map(|r| (r, sums(r))).collect();
+        for (relation, sums) in there {
+            match all.iter_mut().find(|summed| summed.relation.is_like(relation)) {
+                Some(summed) => summed.sums.push(sums),
+                None => all.push(Summed { relation: relation.without_samples(), sums: vec![sums] }),
+            }
+        }
+    }
+    all.into_iter().filter_map(|summed| Some((summed.relation, concluded(summed.sums, &grid)?))).collect()
+}
+
+/// What the sums over the blocks of a log say.
+fn concluded(mut sums: Vec<Vec<Gram>>, grid: &Grid) -> Option<Answer> {
+    let Grid { step, reach, .. } = *grid;
+    let lags = 2 * reach + 1;
+    let n = sums.first()?[0].n;
     sums.retain(|block| block[0].count >= 4.0);
     if sums.len() < BLOCKS.0 / 2 {
         return None;
@@ -385,18 +491,18 @@ const FACTORS: [(f64, &str); 12] = [
     (1e-2, "hundredths (cm, %) instead of the SI unit"),
 ];
 
-/// What the relations say is wrong. Relations with channels of `spoilt`, known to be bad, say nothing.
-pub fn check(signals: &Signals, relations: &[Relation], spoilt: &[String]) -> Vec<Finding> {
-    let bad = |channel: &String| spoilt.iter().any(|list| list.split(", ").any(|name| name == channel));
-    let answers: Vec<(&Relation, Answer)> = relations
-        .par_iter()
-        .filter(|relation| !relation.channels().any(bad))
-        .filter_map(|relation| Some((relation, answer(signals, relation)?)))
-        .collect();
+/// Works all relations out on a log. Relations with channels of `spoilt`, known to be bad, say nothing.
+pub fn answers(signals: &Signals, relations: Vec<Relation>, spoilt: &[String]) -> Vec<(Relation, Answer)> {
+    let relations = relations.into_par_iter().filter(|relation| !relation.is_spoilt(spoilt));
+    relations.filter_map(|relation| answer(signals, &relation).map(|answer| (relation, answer))).collect()
+}
+
+/// What the relations say is wrong with a log of this period.
+pub fn check(log: &Log, period: f64, answers: &[(Relation, Answer)]) -> Vec<Finding> {
     let mut found = Vec::new();
     let mut spoilt = Vec::new();
-    for (relation, answer) in &answers {
-        if let Some(finding) = gain(signals.log(), relation, answer) {
+    for (relation, answer) in answers {
+        if let Some(finding) = gain(log, relation, answer) {
             spoilt.extend(relation.y.channels.iter().chain(&relation.x[0].channels).cloned());
             found.push((relation.what, finding));
         }
@@ -407,14 +513,14 @@ pub fn check(signals: &Signals, relations: &[Relation], spoilt: &[String]) -> Ve
         all.dedup();
         all
     };
-    for (relation, answer) in &answers {
+    for (relation, answer) in answers {
         let own = channels(relation);
         // Of several ways to explain the same signals by a delay the best one counts.
-        let better = |other: &(&Relation, Answer)| channels(other.0) == own && other.1.explained > answer.explained;
+        let better = |other: &(Relation, Answer)| channels(&other.0) == own && other.1.explained > answer.explained;
         if own.iter().any(|channel| spoilt.contains(channel)) || answers.iter().any(better) {
             continue;
         }
-        if let Some(late) = delay(signals, relation, answer)
+        if let Some(late) = delay(log, period, relation, answer)
             && !found.iter().any(|(_, other)| other.code == late.code && other.channel == late.channel)
         {
             found.push((relation.what, late));
@@ -485,7 +591,7 @@ fn gain(log: &Log, relation: &Relation, answer: &Answer) -> Option<Finding> {
 }
 
 /// Channels that arrive late.
-fn delay(signals: &Signals, relation: &Relation, answer: &Answer) -> Option<Finding> {
+fn delay(log: &Log, period: f64, relation: &Relation, answer: &Answer) -> Option<Finding> {
     let Answer { delay, delay_std: std, explained, .. } = *answer;
     // Signals whose proportion is known to be positive are not delayed into opposite ones.
     let opposite = relation.gain != Gain::Any && answer.correlation < 0.0;
@@ -509,5 +615,5 @@ fn delay(signals: &Signals, relation: &Relation, answer: &Answer) -> Option<Find
         names
     };
     let delay = Delay { late: of(Side::Late), against: of(Side::Model), delay, std, what: relation.what };
-    delay.shows(signals.period).then(|| delay.finding(signals.log()))
+    delay.shows(period).then(|| delay.finding(log))
 }

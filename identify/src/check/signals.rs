@@ -2,8 +2,15 @@
 
 use super::Subject;
 use super::relation::{Side, Term};
-use crate::log::{Channel, Log};
+use crate::log::{Channel, Log, Series};
 use crate::problem::Known;
+
+/// Whether a channel has more than one value. A sensor that never moves is a dead one; a command or a slope may well be constant.
+pub(super) fn moves(values: &Series) -> bool {
+    let mut first = None;
+    let mut differs = |value: &f64| value.is_finite() && *first.get_or_insert(*value) != *value;
+    values.pieces().any(|piece| piece.iter().any(&mut differs))
+}
 
 /// Channels on even steps with what is known of the machine.
 pub struct Signals<'a> {
@@ -19,12 +26,7 @@ impl<'a> Signals<'a> {
     /// Those channels of a log that the fit may use. What lies beyond an input's declared range is missing.
     pub fn new(subject: &Subject<'a>, log: &Log) -> Self {
         let mut own = log.slice(0..log.len(), |name| subject.reads(name));
-        // A sensor that never moves is a dead one; a command or a slope may well be constant.
-        let still = |values: &[f64]| {
-            let mut finite = values.iter().filter(|value| value.is_finite());
-            finite.next().is_none_or(|first| finite.all(|value| value == first))
-        };
-        own.channels.retain(|c| subject.input(&c.name).is_some_and(|input| input.held) || !still(&c.values));
+        own.channels.retain(|c| subject.input(&c.name).is_some_and(|input| input.held) || moves(&c.values));
         for Channel { name, values } in &mut own.channels {
             let Some(variable) = subject.input(name) else { continue };
             let (low, high) = variable.range;
@@ -37,6 +39,13 @@ impl<'a> Signals<'a> {
         let (even, period) = own.on_even_steps();
         let log = even.into_owned();
         Self { log, period, known: subject.known }
+    }
+
+    /// The same of a long log of this period, of which parts are looked at that are read when they are: as it was recorded.
+    pub fn of_parts(subject: &Subject<'a>, log: &Log, period: f64) -> Self {
+        let mut own = log.slice(0..log.len(), |name| subject.reads(name));
+        own.channels.retain(|c| subject.input(&c.name).is_some_and(|input| input.held) || moves(&c.values));
+        Self { log: own, period, known: subject.known }
     }
 
     /// Its samples.
@@ -52,6 +61,11 @@ impl<'a> Signals<'a> {
     /// The log on even steps.
     pub fn log(&self) -> &Log {
         &self.log
+    }
+
+    /// Whether a channel holds samples.
+    pub fn has(&self, name: &str) -> bool {
+        self.log.channels.iter().any(|channel| channel.name == name && channel.values.any(f64::is_finite))
     }
 
     /// A channel that holds samples.

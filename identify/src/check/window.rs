@@ -11,9 +11,14 @@ fn half(period: f64) -> usize {
     ((HALF_WINDOW / period).round() as usize).max(2)
 }
 
+/// Samples that a window with its derivatives takes.
+pub fn taps(period: f64) -> usize {
+    2 * half(period) + 3
+}
+
 /// A window and its derivatives: taps on samples around the middle, for values, slopes and curvatures that belong
 /// together.
-fn taps(half: usize, period: f64, order: usize) -> Vec<f64> {
+fn weights(half: usize, period: f64, order: usize) -> Vec<f64> {
     let n = half as f64 + 1.0;
     let weight = |i: usize| {
         let away = (i as f64 - half as f64) / n;
@@ -47,7 +52,7 @@ impl<'a> Filter<'a> {
     /// For signals with the orders of their derivatives.
     pub fn new(parts: &'a [(Series, usize)], period: f64, stride: usize) -> Self {
         let half = half(period);
-        let parts = parts.iter().map(|(values, order)| (values.as_slice(), taps(half, period, *order)));
+        let parts = parts.iter().map(|(values, order)| (values.as_slice(), weights(half, period, *order)));
         Self { parts: parts.collect(), stride }
     }
 

@@ -6,7 +6,7 @@ use super::words::vehicle_parser;
 use super::{LogArgs, Outcome, Refusal, keep_inputs, print, read_each, tell};
 use crate::checked::{self, Refused};
 use crate::finding::Finding;
-use crate::log::Log;
+use crate::log::{LONG, Log, LogError, Store};
 use crate::output::Outputs;
 use crate::problem::FitRequest;
 use crate::progress::Progress;
@@ -202,10 +202,14 @@ fn read(
     let reads = args.vehicle.reads();
     let laws: Vec<_> = args.varies.iter().filter_map(|text| settings::parse_law(text).1).collect();
     let keep = |name: &str| reads(name) || laws.iter().any(|channel| channel == name);
+    let span = (args.from.unwrap_or(f64::NEG_INFINITY), args.to.unwrap_or(f64::INFINITY));
+    let mut shelf = Shelf::default();
     let all_read = read_each(args.vehicle, &these, &keep, progress, |path, log| {
         match log {
-            Ok(log) => {
+            Ok(mut log) => {
+                checked::within(&mut log, span, &args.exclude).map_err(Refusal)?;
                 logs.push(log);
+                shelf.keep_few(&mut logs)?;
                 kept.push(path.to_path_buf());
             }
             Err(error) if skip => skipped.push(format!("{} was left out: {error}", path.display())),
@@ -218,11 +222,33 @@ fn read(
     if logs.is_empty() {
         return Err(Refusal(skipped.join("; ")));
     }
-    let span = (args.from.unwrap_or(f64::NEG_INFINITY), args.to.unwrap_or(f64::INFINITY));
-    for log in &mut logs {
-        checked::within(log, span, &args.exclude).map_err(Refusal)?;
-    }
     Ok((kept, logs))
+}
+
+/// The file that many logs are put away in: a fit looks at one after the other.
+#[derive(Default)]
+struct Shelf {
+    store: Option<Store>,
+    samples: usize,
+    /// Logs that are put away.
+    away: usize,
+}
+
+impl Shelf {
+    /// Puts logs away once they are as many samples as a long one. Without a file they stay in memory.
+    fn keep_few(&mut self, logs: &mut [Log]) -> Result<(), LogError> {
+        self.samples += logs.last().map_or(0, Log::len);
+        if self.samples < LONG {
+            return Ok(());
+        }
+        if self.store.is_none() {
+            self.store = Store::new().ok();
+        }
+        let Some(store) = &self.store else { return Ok(()) };
+        logs[self.away..].iter_mut().try_for_each(|log| log.put_away(store))?;
+        self.away = logs.len();
+        Ok(())
+    }
 }
 
 /// The refusal of a fit whose logs were read; what was read and what is wrong is written all the same.

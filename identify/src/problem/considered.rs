@@ -128,7 +128,8 @@ pub fn causes(
     offsets: &[Offset],
 ) -> Result<Vec<Cause>, String> {
     let holds = |name: &str| {
-        logs.iter().any(|log| log.channel(name).is_some_and(|values| values.iter().any(|value| value.is_finite())))
+        let of = |log: &Log| log.channels.iter().any(|c| c.name == name && c.values.any(f64::is_finite));
+        logs.iter().any(of)
     };
     let present: Vec<(&str, &str)> = declared
         .inputs
@@ -239,6 +240,7 @@ impl Cause {
     /// Logs and known values with this cause one step off; `None` where they are as before.
     pub fn apply(&self, logs: &[Log], known: &Known) -> (Option<Vec<Log>>, Option<Known>) {
         let changed = |of: &dyn Fn(&Channel) -> Option<Series>| -> Vec<Log> {
+            // What is not changed is not read here, and what is changed goes again.
             let change = |log: &Log| {
                 let channels = log.channels.iter().map(|channel| Channel {
                     name: channel.name.clone(),
@@ -256,19 +258,21 @@ impl Cause {
         match &self.change {
             Change::Gain(names, step) => {
                 let of = |channel: &Channel| {
-                    names.contains(&channel.name).then(|| channel.values.iter().map(|v| v * (1.0 + step)).collect())
+                    names
+                        .contains(&channel.name)
+                        .then(|| channel.values.clone().iter().map(|v| v * (1.0 + step)).collect())
                 };
                 (Some(changed(&of)), None)
             }
             Change::Bias(names, step) => {
                 let of = |channel: &Channel| {
-                    names.contains(&channel.name).then(|| channel.values.iter().map(|v| v + step).collect())
+                    names.contains(&channel.name).then(|| channel.values.clone().iter().map(|v| v + step).collect())
                 };
                 (Some(changed(&of)), None)
             }
             Change::Delay(names, samples) => {
                 let late = |values: &[f64]| (0..values.len()).map(|k| values[k.saturating_sub(*samples)]).collect();
-                let of = |channel: &Channel| names.contains(&channel.name).then(|| late(&channel.values));
+                let of = |channel: &Channel| names.contains(&channel.name).then(|| late(&channel.values.clone()));
                 (Some(changed(&of)), None)
             }
             Change::Known(name, step) => {

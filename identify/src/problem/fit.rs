@@ -9,7 +9,7 @@ use super::profiled::{Said, profiles};
 use super::session::Session;
 use super::validate::Judge;
 use super::{FitError, FitRequest, Known, Prediction, Problem, Target, Task};
-use crate::log::Log;
+use crate::log::{LONG, Log};
 use crate::progress::Progress;
 use crate::result::{FORMAT_VERSION, FitReport, LogEntry, Validation};
 use rayon::prelude::*;
@@ -46,6 +46,8 @@ pub struct Fit<'a> {
     pub inputs: &'a [Variable],
     /// Logs that only judge the result.
     pub held_out: &'a [Log],
+    /// Samples from which a log is a long one.
+    pub long: usize,
 }
 
 /// Reasons against estimates, by the parameter's name.
@@ -63,6 +65,8 @@ impl Fit<'_> {
             sensors: &self.request.sensors,
             inputs: self.inputs,
             coarse,
+            long: self.long,
+            brief: true,
             progress,
         }
     }
@@ -70,6 +74,11 @@ impl Fit<'_> {
     /// Predictions of the logs' signals with these parameters.
     pub fn predict(&self, logs: &[Log], known: &Known) -> Vec<Prediction> {
         (self.problem.validate)(&self.task(logs, known, false, &Progress::none()))
+    }
+
+    /// The same, every value of them.
+    pub fn predict_all(&self, logs: &[Log], known: &Known) -> Vec<Prediction> {
+        (self.problem.validate)(&Task { brief: false, ..self.task(logs, known, false, &Progress::none()) })
     }
 
     /// Estimates from some logs, until all that is given holds.
@@ -187,6 +196,19 @@ pub fn fit(
     request: &FitRequest,
     progress: &Progress,
 ) -> Result<FitReport, FitError> {
+    fit_from(LONG, problem, vehicle, declared, logs, request, progress)
+}
+
+/// The same, where a log is long from so many samples on.
+pub fn fit_from(
+    long: usize,
+    problem: &Problem,
+    vehicle: &str,
+    declared: &Declared,
+    logs: &[Log],
+    request: &FitRequest,
+    progress: &Progress,
+) -> Result<FitReport, FitError> {
     if logs.is_empty() {
         return Err(FitError::NoLog);
     }
@@ -204,6 +226,7 @@ pub fn fit(
         given: &given,
         inputs: &declared.inputs,
         held_out: &held_out,
+        long,
     };
 
     progress.start_shares("fitting");

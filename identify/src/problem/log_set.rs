@@ -156,7 +156,8 @@ impl<'a> LogSet<'a> {
     /// What varies, with the means of the channels that it follows.
     fn varying(&self, fit: &Fit) -> Result<Vec<Varying>, FitError> {
         let mean = |log: &Log, channel: &str| {
-            let finite = log.channel(channel).unwrap_or_default().iter().filter(|value| value.is_finite());
+            let values = log.series(channel).unwrap_or_default();
+            let finite = values.iter().filter(|value| value.is_finite());
             let (sum, count) = finite.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
             if count > 0.0 {
                 Ok(sum / count)
@@ -227,7 +228,7 @@ impl<'a> LogSet<'a> {
                     known.assume(name, own.value);
                 }
             }
-            fit.predict(std::slice::from_ref(&self.logs[index]), &known)
+            fit.predict_all(std::slice::from_ref(&self.logs[index]), &known)
         };
         self.chosen.iter().flat_map(of).map(|prediction| prediction.trace).collect()
     }

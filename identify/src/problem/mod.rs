@@ -72,6 +72,7 @@
 //! logs to compare them, and, on fewer windows, with every cause of error that no log shows one step off.
 
 pub mod angles;
+pub mod blocks;
 mod considered;
 mod findings;
 mod fit;
@@ -91,6 +92,8 @@ pub mod weak_form;
 pub use crate::assess::validation::Prediction;
 pub use considered::{Quality, device, known_std, quality};
 pub use findings::Offset;
+#[cfg(test)]
+pub(crate) use fit::fit_from;
 pub use fit::{Declared, fit};
 pub use known::Known;
 pub use request::FitRequest;
@@ -182,6 +185,10 @@ pub struct Task<'a> {
     pub inputs: &'a [Variable],
     /// Only what considered causes change is looked for: fewer windows that overlap will do.
     pub coarse: bool,
+    /// Samples from which a log is to be taken in [`blocks`], where a machine can.
+    pub long: usize,
+    /// Whether predictions of long logs may be told by a part of their values, see [`Prediction`].
+    pub brief: bool,
     /// Where to report progress: by [`Progress::reach`] and [`Progress::part`], in shares of this task.
     pub progress: &'a Progress,
 }

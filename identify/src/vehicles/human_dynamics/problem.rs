@@ -386,17 +386,15 @@ fn validate(task: &Task) -> Vec<Prediction> {
         for (joint, log) in logs.iter().zip(task.logs) {
             let model = joint.q.iter().zip(joint.qd).map(|(q, qd)| -stiffness * (q - rest) - damping * qd).collect();
             let step = log.time.get(1).map_or(CLUSTER, |t| t - log.time[0]);
-            predictions.push(Prediction {
-                trace: Trace {
-                    name: format!("tau_{name}"),
-                    unit: "N.m".to_owned(),
-                    log: log.source.clone(),
-                    time: log.time.to_vec(),
-                    measured: joint.tau.clone(),
-                    predicted: model,
-                },
-                independent: (CLUSTER / step).round().max(1.0) as usize,
-            });
+            let trace = Trace {
+                name: format!("tau_{name}"),
+                unit: "N.m".to_owned(),
+                log: log.source.clone(),
+                time: log.time.to_vec(),
+                measured: joint.tau.clone(),
+                predicted: model,
+            };
+            predictions.push(Prediction::new(trace, (CLUSTER / step).round().max(1.0) as usize));
         }
     }
     predictions

@@ -1,6 +1,8 @@
 //! The nursing robot.
 
 pub mod checks;
+#[cfg(test)]
+mod long;
 pub mod problem;
 pub mod simulate;
 

@@ -77,7 +77,7 @@ pub fn delays(signals: &check::Signals) -> Vec<Delay> {
         if parts.is_empty() || !(w2.is_finite() && w2 > 0.0) { None } else { lateness(&parts, &body, w2) }
     };
     let channels = |names: &[&str]| -> Vec<String> {
-        names.iter().filter(|name| signals.channel(name).is_some()).map(|name| (*name).to_owned()).collect()
+        names.iter().filter(|name| signals.has(name)).map(|name| (*name).to_owned()).collect()
     };
     let pitch = of(|part| &part.pitch, &pitch, PITCH[0]).map(|found| Delay {
         late: channels(found.late(&["tilt", "tilt_rate"])),

@@ -31,6 +31,7 @@ mod noise;
 pub mod refine;
 pub mod rows;
 pub mod signals;
+pub(super) mod sources;
 pub mod sway;
 mod validate;
 
@@ -41,11 +42,11 @@ use crate::problem::weak_form::ModulatingFunction;
 use crate::problem::{FitError, Fitted, Judgement, Known, Offset, Problem, Session, Target, Task};
 use crate::progress::Progress;
 use crate::solve::{Regression, Rows, Unknown};
+use noise::Sensors;
 use refine::{Segment, Setup};
-use rows::{Body, Drive, GRAVITY, Signals, Windows};
-use std::cell::OnceCell;
+use rows::{Body, Drive, GRAVITY, Windows};
+use sources::{Look, Sources, Windowed};
 use std::ops::Range;
-use std::sync::Arc;
 use sway::Passive;
 use wheelstate::Variables;
 use wheelstate::estimator::nursing_robot::Parameters;
@@ -95,51 +96,6 @@ fn modulating_function(period: f64, (seconds, power): (f64, i32)) -> ModulatingF
     ModulatingFunction::polynomial(ModulatingFunction::steps(seconds, period), period, power)
 }
 
-/// A modulating function per log and the signals it goes over.
-pub(super) struct Windowed {
-    signals: Signals,
-    sway: Arc<ModulatingFunction>,
-    overlap: usize,
-    speed_noise: OnceCell<f64>,
-}
-
-impl Windowed {
-    fn windows<'a>(&'a self, psi: &'a ModulatingFunction, progress: Progress) -> Windows<'a> {
-        let stride = ((psi.len() - 1) / self.overlap).max(1);
-        Windows { signals: &self.signals, psi, stride, cluster: self.overlap, progress }
-    }
-
-    pub(super) fn sway(&self, progress: Progress) -> Windows<'_> {
-        self.windows(&self.sway, progress)
-    }
-
-    /// Standard deviation of the speed's white noise, m/s, which all equations have in them.
-    fn speed_noise(&self) -> f64 {
-        *self.speed_noise.get_or_init(|| noise_of(&self.signals.speed))
-    }
-}
-
-/// The windows of each log, with its share of the progress.
-fn over<'a>(logs: &'a [Windowed], progress: &Progress) -> impl Iterator<Item = Windows<'a>> {
-    logs.iter().enumerate().map(|(index, log)| log.sway(progress.piece(index, logs.len())))
-}
-
-pub(super) fn windowed(task: &Task) -> Result<Vec<Windowed>, FitError> {
-    // Pieces of a log, and logs of one recorder, have one period.
-    let mut before: Option<(f64, Arc<ModulatingFunction>)> = None;
-    let of = |log: &Log| {
-        let signals = signals::signals(log, task.known)?;
-        let sway = match &before {
-            Some((period, sway)) if *period == signals.period => Arc::clone(sway),
-            _ => Arc::new(modulating_function(signals.period, SWAY)),
-        };
-        before = Some((signals.period, Arc::clone(&sway)));
-        let overlap = if task.coarse { COARSE_OVERLAP } else { rows::OVERLAP };
-        Ok(Windowed { signals, sway, overlap, speed_noise: OnceCell::new() })
-    };
-    task.logs.iter().map(of).collect()
-}
-
 pub(super) fn passive(known: &Known) -> Passive {
     Passive {
         stiffness: known.get(PITCH[0]),
@@ -155,77 +111,101 @@ pub(super) fn side(known: &Known) -> Passive {
 }
 
 fn estimate(task: &Task, session: &mut Session) -> Result<(), FitError> {
-    let mut logs = windowed(task)?;
     // What roll adds while turning is part of biases only.
-    if !session.weighs_noise() {
-        logs.iter_mut().for_each(|log| log.signals.turning = Default::default());
-    }
+    let mut logs = Sources::new(task, session.weighs_noise())?;
     let body = signals::body(task.known);
     if task.wants(ROBOT_MASS) || task.wants(HUMAN_MASS) || task.wants(DRAG) {
         check_mass_request(task)?;
     }
     let seated = body.j > 0.0;
     let mut hip = passive(task.known);
-    let tilt = logs.iter().any(|log| !log.signals.pitch.is_empty());
+    let tilt = logs.some_has(|log| log.tilt);
     let refining = task.refine || !tilt;
     // Shares of the work: pitch up to the first, output error to the second, roll to the third.
     let [first, second, third] = if refining { [0.1, 0.8, 0.9] } else { [0.4, 0.4, 0.7] };
     let part = |from: f64, to: f64| task.progress.part(from..to);
-    let wanted = task.wanted_of(&PITCH);
-    if !wanted.is_empty() && seated {
-        let progress = part(0.0, first);
-        let found = if tilt {
-            pitch(&logs, &body, &progress, session)?
-        } else {
-            wheels_only(&logs, &body, &progress, session)?
-        };
+    let wants = |names: &[&str]| seated && !task.wanted_of(names).is_empty();
+    let sought = [wants(&PITCH) && tilt, wants(&ROLL) && logs.some_has(|log| log.roll)];
+    let [pitch_rows, roll_rows] = joint_rows(&logs, &body, sought, &part(0.0, first), session.weighs_noise())?;
+    if wants(&PITCH) {
+        let found =
+            if tilt { pitch(pitch_rows, session)? } else { wheels_only(&logs, &body, &part(0.0, first), session)? };
         hip = found.unwrap_or(hip);
         if refining {
             session.progress = part(first, second);
             hip = output_error(task, &logs, &body, &hip, tilt, session)?;
         }
     }
-    if !task.wanted_of(&ROLL).is_empty() && seated {
-        roll(&logs, &body, &part(second, third), session)?;
+    if wants(&ROLL) {
+        roll(roll_rows, sought[1], session)?;
     }
     for name in PITCH.iter().chain(&ROLL).filter(|_| !seated) {
         session.give_up(name, "human.nominal_mass or human.swaying_fraction is 0, so nothing sways");
     }
-    // What differs between two fits is no news of the sensors.
-    for (log, source) in logs.iter().zip(task.logs).filter(|_| !task.coarse) {
-        if let Some(offset) = apparent_slope(&log.sway(Progress::none())) {
-            session.offset(Offset { log: source.source.clone(), ..offset });
-        }
-    }
-    // Without tilt the sway force comes from the passive model driven by the measured speed.
-    for log in logs.iter_mut().filter(|log| log.signals.pitch.is_empty() && seated) {
-        log.signals.pitch = sway::pitch_from_speed(&log.signals, &body, &hip).into();
-    }
+    logs.sway_by(&body, &hip);
     if task.wants(ROBOT_MASS) || task.wants(HUMAN_MASS) {
         mass(task, &logs, &body, &part(third, 1.0), session)
     } else if task.wants(ROLLING) || task.wants(EFFICIENCY) {
         force_balance(task, &logs, &body, &part(third, 1.0), session)
     } else {
+        let mut slopes = Slopes::new(task);
+        logs.each(Look::Drive, &Progress::none(), |log, _| slopes.add(log))?;
+        slopes.tell(session);
         Ok(())
     }
 }
 
-/// How much larger the specific force is in the mean than the change of the speed says: a slope, or a biased accelerometer.
-fn apparent_slope(windows: &Windows) -> Option<Offset> {
+/// How much larger the specific force is in the mean of each log than the change of the speed says: a slope, or a biased
+/// accelerometer.
+struct Slopes<'a> {
+    task: &'a Task<'a>,
+    /// Of the windows of a log so far, with the numbers of their clusters.
+    values: Vec<(u32, f64)>,
+    found: Vec<Offset>,
+}
+
+impl<'a> Slopes<'a> {
+    fn new(task: &'a Task) -> Self {
+        Self { task, values: Vec::new(), found: Vec::new() }
+    }
+
+    /// Adds a log, or a block of it. What differs between two fits is no news of the sensors.
+    fn add(&mut self, log: &Windowed) {
+        if self.task.coarse {
+            return;
+        }
+        let windows = log.sway(Progress::none());
+        let before = self.values.len();
+        let of = |(k, slope)| (((before + k) / windows.cluster) as u32, slope);
+        self.values.extend(slopes(&windows).into_iter().enumerate().map(of));
+        let (place, count) = log.block.place;
+        if place + 1 == count {
+            let offset = Offset::of_clusters(&self.values, "accel_x", "m/s2", "the change of the speed says");
+            let source = &self.task.logs[log.block.log].source;
+            self.found.extend(offset.map(|offset| Offset { log: source.clone(), ..offset }));
+            self.values.clear();
+        }
+    }
+
+    fn tell(self, session: &mut Session) {
+        self.found.into_iter().for_each(|offset| session.offset(offset));
+    }
+}
+
+/// The same of each window; of none if there is no specific force.
+fn slopes(windows: &Windows) -> Vec<f64> {
     let s = windows.signals;
     if s.accel.is_empty() {
-        return None;
+        return Vec::new();
     }
     let starts: Vec<usize> = windows.starts().collect();
-    let terms = |samples: Range<usize>| samples.map(|i| [s.accel[i], s.speed[i]]).collect();
-    let differences = rows::each(windows, &starts, terms, |terms, at| {
+    let (accels, speeds) = (s.accel.as_slice(), s.speed.as_slice());
+    let terms = |samples: Range<usize>| samples.map(|i| [accels[i], speeds[i]]).collect();
+    rows::each(windows, &starts, terms, |terms, at| {
         let of = |[psi, slope, _]: [f64; 3], [accel, speed]: &[f64; 2]| [psi * accel, slope * speed, psi];
         let [accel, speed, one] = terms.integrals(windows.psi, at, of);
         (accel + speed) / one
-    });
-    let of = |(index, difference)| ((index / windows.cluster) as u32, difference);
-    let values: Vec<(u32, f64)> = differences.into_iter().enumerate().map(of).collect();
-    Offset::of_clusters(&values, "accel_x", "m/s2", "the change of the speed says")
+    })
 }
 
 fn check_mass_request(task: &Task) -> Result<(), FitError> {
@@ -277,20 +257,39 @@ fn spring() -> Vec<Unknown> {
     vec![Unknown::within("k", 0.0, 5000.0), Unknown::within("c", 0.0, 500.0), Unknown::free("k phi_0")]
 }
 
-fn pitch(
-    logs: &[Windowed],
+/// The rows of the joints that are sought, pitch and roll, and the noise in them if that is weighed.
+fn joint_rows(
+    logs: &Sources,
     body: &Body,
+    [pitch, roll]: [bool; 2],
     progress: &Progress,
-    session: &mut Session,
-) -> Result<Option<Passive>, FitError> {
-    let mut all = Rows::new("pitch moment", "N.m.s", 3);
-    for windows in over(logs, progress).filter(|windows| !windows.signals.pitch.is_empty()) {
-        rows::pitch(&mut all, &windows, body);
+    noisy: bool,
+) -> Result<[Rows; 2], FitError> {
+    let mut rows = ["pitch moment", "roll moment"].map(|name| Rows::new(name, "N.m.s", 3));
+    let mut sensors = [Sensors::default(), Sensors::default()];
+    if !pitch && !roll {
+        return Ok(rows);
     }
-    if session.weighs_noise() {
-        noise::pitch(&mut all, logs, body);
-    }
-    let fit = session.solve(&regression("pitch", spring(), all), &PITCH)?;
+    logs.each(Look::Joints, progress, |log, progress| {
+        if pitch && !log.signals.pitch.is_empty() {
+            rows::pitch(&mut rows[0], &log.sway(progress.part(0.0..0.5)), body);
+        }
+        if roll && !log.signals.roll.is_empty() {
+            rows::roll(&mut rows[1], &log.sway(progress.part(0.5..1.0)), body);
+        }
+        if noisy && pitch {
+            sensors[0].add(log, noise::pitch(log, body));
+        }
+        if noisy && roll {
+            sensors[1].add(log, noise::roll(log, body));
+        }
+    })?;
+    rows.iter_mut().zip(sensors).for_each(|(rows, sensors)| sensors.tell(rows));
+    Ok(rows)
+}
+
+fn pitch(rows: Rows, session: &mut Session) -> Result<Option<Passive>, FitError> {
+    let fit = session.solve(&regression("pitch", spring(), rows), &PITCH)?;
     let Some(fit) = fit else { return Ok(None) };
     passive_joint(session, fit, PITCH);
     posture(session, fit);
@@ -299,20 +298,13 @@ fn pitch(
     Ok(Some(Passive { stiffness: theta[0], damping: theta[1], rest: theta[2] / theta[0].max(1.0), rolling }))
 }
 
-fn roll(logs: &[Windowed], body: &Body, progress: &Progress, session: &mut Session) -> Result<(), FitError> {
-    if logs.iter().all(|log| log.signals.roll.is_empty()) {
+fn roll(rows: Rows, measured: bool, session: &mut Session) -> Result<(), FitError> {
+    if !measured {
         let reason = "the logs have no roll channel, and roll does not act on the wheels";
         ROLL.iter().for_each(|name| session.give_up(name, reason));
         return Ok(());
     }
-    let mut all = Rows::new("roll moment", "N.m.s", 3);
-    for windows in over(logs, progress).filter(|windows| !windows.signals.roll.is_empty()) {
-        rows::roll(&mut all, &windows, body);
-    }
-    if session.weighs_noise() {
-        noise::roll(&mut all, logs, body);
-    }
-    if let Some(fit) = session.solve(&regression("roll", spring(), all), &ROLL)? {
+    if let Some(fit) = session.solve(&regression("roll", spring(), rows), &ROLL)? {
         passive_joint(session, fit, ROLL);
     }
     Ok(())
@@ -320,16 +312,16 @@ fn roll(logs: &[Windowed], body: &Body, progress: &Progress, session: &mut Sessi
 
 /// A start for the output error from force and speed alone.
 fn wheels_only(
-    logs: &[Windowed],
+    logs: &Sources,
     body: &Body,
     progress: &Progress,
     session: &mut Session,
 ) -> Result<Option<Passive>, FitError> {
     let mut all = Rows::new("wheels only", "N2.s3", 3);
-    for (index, log) in logs.iter().enumerate() {
+    logs.each(Look::All, progress, |log, progress| {
         let psi = modulating_function(log.signals.period, WHEELS_ONLY);
-        rows::wheels_only(&mut all, &log.windows(&psi, progress.piece(index, logs.len())), body);
-    }
+        rows::wheels_only(&mut all, &log.windows(&psi, progress), body);
+    })?;
     let toppling = body.b * GRAVITY;
     let unknowns = vec![
         Unknown::within("c", 0.0, 500.0),
@@ -350,19 +342,20 @@ fn wheels_only(
 /// Output error; its estimates replace those of the weak form.
 fn output_error(
     task: &Task,
-    logs: &[Windowed],
+    logs: &Sources,
     body: &Body,
     start: &Passive,
     tilt: bool,
     session: &mut Session,
 ) -> Result<Passive, FitError> {
-    let mut segments = Vec::new();
-    for log in logs {
+    let mut cut = Vec::new();
+    logs.each(Look::All, &Progress::none(), |log, _| {
         let samples = |seconds: f64| (seconds / log.signals.period).round() as usize;
-        let most = (8 / logs.len()).max(1);
+        let most = log.block.share((8 / logs.logs()).max(1));
         let ranges = sway::segments(&log.signals, samples(4.0), samples(40.0), most);
-        segments.extend(ranges.into_iter().map(|samples| Segment { signals: &log.signals, samples }));
-    }
+        cut.extend(ranges.into_iter().map(|samples| log.signals.cut(samples)));
+    })?;
+    let segments: Vec<Segment> = cut.iter().map(|signals| Segment { signals, samples: 0..signals.len() }).collect();
     let start = Passive { rest: if tilt { start.rest } else { task.known.get(PITCH[2]) }, ..*start };
     if segments.is_empty() {
         let reason = "no 4 s of speed and torque without gaps to simulate";
@@ -402,20 +395,39 @@ fn output_error(
     Ok(refined.passive)
 }
 
+/// The longitudinal rows with the noise in them; tells what slopes they show.
+fn drive(
+    task: &Task,
+    logs: &Sources,
+    body: &Body,
+    (unknowns, accelerometer): (Drive, bool),
+    progress: &Progress,
+    session: &mut Session,
+) -> Result<Rows, FitError> {
+    let mut all = Rows::new("force balance", "N.s", unknowns.unknowns());
+    let (mut sensors, mut slopes) = (Sensors::default(), Slopes::new(task));
+    logs.each(Look::Drive, progress, |log, progress| {
+        rows::drive(&mut all, &log.sway(progress), body, unknowns, accelerometer);
+        if session.weighs_noise() {
+            sensors.add(log, noise::drive(log, body, unknowns, accelerometer));
+        }
+        slopes.add(log);
+    })?;
+    sensors.tell(&mut all);
+    slopes.tell(session);
+    Ok(all)
+}
+
 /// `[f, eta]`, or the one of them that is wanted if the user asked for it alone.
 fn force_balance(
     task: &Task,
-    logs: &[Windowed],
+    logs: &Sources,
     body: &Body,
     progress: &Progress,
     session: &mut Session,
 ) -> Result<(), FitError> {
     let unknowns = if task.wants(EFFICIENCY) { Drive::RollingEfficiency } else { Drive::Rolling };
-    let mut all = Rows::new("force balance", "N.s", unknowns.unknowns());
-    over(logs, progress).for_each(|windows| rows::drive(&mut all, &windows, body, unknowns, false));
-    if session.weighs_noise() {
-        noise::drive(&mut all, logs, body, unknowns, false);
-    }
+    let all = drive(task, logs, body, (unknowns, false), progress, session)?;
     let mut sought = vec![Unknown::within("f", 0.0, 0.1)];
     if unknowns == Drive::RollingEfficiency {
         sought.push(Unknown::within("eta", 0.5, 1.5));
@@ -433,13 +445,7 @@ fn force_balance(
 }
 
 /// `[f M, m]` with the robot's or the person's mass unknown.
-fn mass(
-    task: &Task,
-    logs: &[Windowed],
-    body: &Body,
-    progress: &Progress,
-    session: &mut Session,
-) -> Result<(), FitError> {
+fn mass(task: &Task, logs: &Sources, body: &Body, progress: &Progress, session: &mut Session) -> Result<(), FitError> {
     let (name, unknowns, other) = if task.wants(DRAG) {
         (ROBOT_MASS, Drive::RollingRobotDrag, body.human_mass)
     } else if task.wants(ROBOT_MASS) {
@@ -448,11 +454,7 @@ fn mass(
         (HUMAN_MASS, Drive::RollingLoad, body.robot_mass)
     };
     let accelerometer = use_accelerometer(task, logs);
-    let mut all = Rows::new("force balance", "N.s", unknowns.unknowns());
-    over(logs, progress).for_each(|windows| rows::drive(&mut all, &windows, body, unknowns, accelerometer));
-    if session.weighs_noise() {
-        noise::drive(&mut all, logs, body, unknowns, accelerometer);
-    }
+    let all = drive(task, logs, body, (unknowns, accelerometer), progress, session)?;
     let mut sought = vec![Unknown::within("f M", 0.0, f64::INFINITY), Unknown::within("m", 0.0, 1e5)];
     if unknowns == Drive::RollingRobotDrag {
         sought.push(Unknown::within("CdA", 0.0, 100.0));
@@ -517,8 +519,8 @@ fn mass_alone(name: &str, other: f64, all: &Rows, rolling: f64, session: &mut Se
 }
 
 /// The accelerometer is used if there is one, unless the user says otherwise.
-fn use_accelerometer(task: &Task, logs: &[Windowed]) -> bool {
+fn use_accelerometer(task: &Task, logs: &Sources) -> bool {
     let asked = task.known.get("mass.use_accelerometer") != 0.0;
-    let present = logs.iter().all(|log| !log.signals.accel.is_empty());
+    let present = logs.all_have(|log| log.accel);
     present && (asked || !task.known.is_set("mass.use_accelerometer"))
 }

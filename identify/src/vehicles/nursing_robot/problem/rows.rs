@@ -98,6 +98,24 @@ impl Signals {
         self.speed.is_empty()
     }
 
+    /// Some of the samples, which it shares but for the force.
+    pub fn cut(&self, samples: Range<usize>) -> Self {
+        let part = |of: &Series| if of.is_empty() { Series::default() } else { of.part(samples.clone()) };
+        Self {
+            period: self.period,
+            start: self.start + self.period * samples.start as f64,
+            force: self.force[samples.clone()].to_vec(),
+            speed: part(&self.speed),
+            yaw_rate: part(&self.yaw_rate),
+            pitch: part(&self.pitch),
+            pitch_rate: part(&self.pitch_rate),
+            roll: part(&self.roll),
+            roll_rate: part(&self.roll_rate),
+            turning: [part(&self.turning[0]), part(&self.turning[1])],
+            accel: part(&self.accel),
+        }
+    }
+
     /// `w sin phi_x` and `w phi_x'` of a sample while turning, rad/s and rad/s2.
     pub fn turned(&self, i: usize) -> [f64; 2] {
         let (w, [roll, rate]) = (self.yaw_rate[i], &self.turning);

@@ -1,36 +1,68 @@
 //! Prediction of the held-out part: drive force, pitch and roll moments, and the simulated pitch.
 
 use super::rows::{self, Body, Windows};
+use super::signals::{self, Has};
+use super::sources::{Look, Sources, Windowed};
 use super::sway::{self, Passive};
-use super::{Windowed, passive, signals, use_accelerometer, windowed};
+use super::{passive, use_accelerometer};
+use crate::assess::validation::Parts;
 use crate::problem::{Prediction, Task};
 use crate::progress::Progress;
 use crate::result::Trace;
 
 pub(super) fn validate(task: &Task) -> Vec<Prediction> {
-    let Ok(mut logs) = windowed(task) else { return Vec::new() };
+    let Ok(mut logs) = Sources::new(task, false) else { return Vec::new() };
     let body = signals::body(task.known);
     let hip = passive(task.known);
+    logs.sway_by(&body, &hip);
     let accelerometer =
         (task.wants(super::ROBOT_MASS) || task.wants(super::HUMAN_MASS)) && use_accelerometer(task, &logs);
+    let (mut all, mut parts) = (Vec::new(), Vec::new());
+    let done = logs.each(Look::All, task.progress, |log, progress| {
+        progress.reach(0.0);
+        let found = predictions(task, log, logs.has(log), (&body, &hip), accelerometer);
+        let (place, count) = log.block.place;
+        if count == 1 {
+            all.extend(found);
+            return;
+        }
+        gather(&mut parts, found, if task.brief { count } else { 0 });
+        if place + 1 == count {
+            all.extend(parts.drain(..).map(Parts::finish));
+        }
+    });
+    if done.is_ok() { all } else { Vec::new() }
+}
+/// The predictions of a log, or of a block of it.
+fn predictions(
+    task: &Task,
+    log: &Windowed,
+    has: &Has,
+    (body, hip): (&Body, &Passive),
+    accelerometer: bool,
+) -> Vec<Prediction> {
+    let source = task.logs[log.block.log].source.as_str();
     let mut all = Vec::new();
-    let count = logs.len();
-    for (index, (log, source)) in logs.iter_mut().zip(task.logs).enumerate() {
-        task.progress.reach(index as f64 / count as f64);
-        let measured_pitch = !log.signals.pitch.is_empty();
-        if measured_pitch && body.j > 0.0 && !task.wanted_of(&super::PITCH).is_empty() {
-            all.extend(moment("pitch moment", &source.source, log, &body, &hip, rows::pitch_rows));
-            all.extend(simulated_pitch(&source.source, log, &body, &hip));
-        }
-        if !log.signals.roll.is_empty() && body.j > 0.0 && !task.wanted_of(&super::ROLL).is_empty() {
-            all.extend(moment("roll moment", &source.source, log, &body, &super::side(task.known), rows::roll_rows));
-        }
-        if !measured_pitch && body.j > 0.0 {
-            log.signals.pitch = sway::pitch_from_speed(&log.signals, &body, &hip).into();
-        }
-        all.extend(force(&source.source, log, &body, &hip, accelerometer));
+    if has.tilt && body.j > 0.0 && !task.wanted_of(&super::PITCH).is_empty() {
+        all.extend(moment("pitch moment", source, log, body, hip, rows::pitch_rows));
+        all.extend(simulated_pitch(source, log, body, hip));
     }
+    if has.roll && body.j > 0.0 && !task.wanted_of(&super::ROLL).is_empty() {
+        all.extend(moment("roll moment", source, log, body, &super::side(task.known), rows::roll_rows));
+    }
+    all.extend(force(source, log, body, hip, accelerometer));
     all
+}
+
+/// Adds the predictions of a block to those of the blocks of its log before it; of so many blocks, or of 0 if all values are
+/// to be kept.
+fn gather(parts: &mut Vec<Parts>, found: Vec<Prediction>, blocks: usize) {
+    for prediction in found {
+        match parts.iter_mut().find(|part| part.is_of(&prediction)) {
+            Some(part) => part.add(&prediction.trace),
+            None => parts.push(Parts::new(prediction, blocks)),
+        }
+    }
 }
 
 /// An empty trace with room for so many values.
@@ -46,7 +78,7 @@ fn trace(name: &str, unit: &str, log: &str, room: usize) -> Trace {
 }
 
 fn prediction(trace: Trace, independent: usize) -> Option<Prediction> {
-    (trace.time.len() > 10).then_some(Prediction { trace, independent })
+    (trace.time.len() > 10).then_some(Prediction::new(trace, independent))
 }
 
 /// Window means of the drive force, measured and as the force balance predicts it, N.
@@ -95,7 +127,10 @@ fn moment(
 
 /// Pitch simulated open loop over pieces of 10 s from the logged force, compared with the measured one.
 fn simulated_pitch(source: &str, log: &Windowed, body: &Body, hip: &Passive) -> Option<Prediction> {
-    let signals = &log.signals;
+    // What the last windows of a block reach to is simulated in the next one.
+    let own =
+        (log.block.own < log.block.samples.len()).then(|| log.signals.cut(0..log.block.own.min(log.signals.len())));
+    let signals = own.as_ref().unwrap_or(&log.signals);
     let samples = |seconds: f64| (seconds / signals.period).round() as usize;
     let mut ranges = sway::segments(signals, samples(4.0), samples(10.0), usize::MAX);
     ranges.retain(|range| {

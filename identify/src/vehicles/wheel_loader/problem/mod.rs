@@ -498,7 +498,7 @@ fn validate(task: &Task) -> Vec<Prediction> {
                 trace.predicted.push(predicted[axle]);
             }
         }
-        predictions.extend(traces.map(|trace| Prediction { trace, independent: 1 }));
+        predictions.extend(traces.map(|trace| Prediction::new(trace, 1)));
     }
     predictions
 }

@@ -24,7 +24,7 @@ pub(super) fn validate(task: &Task) -> Vec<Prediction> {
                 }
             }
             if trace.time.len() > 10 {
-                all.push(Prediction { trace, independent: OVERLAP });
+                all.push(Prediction::new(trace, OVERLAP));
             }
         };
         predict("drive force", "N", &|start| log.force(&chair, start));

@@ -387,7 +387,7 @@ fn validate(task: &Task) -> Vec<Prediction> {
                     .map(|instant| axle_force(&tires, instant, axle, p.tire.combined))
                     .collect(),
             };
-            all.push(Prediction { trace, independent: 2 });
+            all.push(Prediction::new(trace, 2));
         }
     }
     all
