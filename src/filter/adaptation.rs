@@ -112,7 +112,14 @@ pub struct UnmodelledAcceleration {
     mean: f64,
     /// How long the mean has been larger than that of white innovations, s.
     since: f64,
+    /// The largest of late that was hardly chance, m/s2: it fades.
+    largest: f64,
 }
+
+/// Deviations of the mean of white innovations beyond which an acceleration is hardly chance: 1 sample in 370.
+const CHANCE: f64 = 3.0;
+/// Time in which the largest of late fades, s: who has coughed is likely to cough again within seconds.
+const FADING: f64 = 3.0;
 
 impl UnmodelledAcceleration {
     /// Takes the innovation of a speed, `dt` seconds after the one before, with the variances of the predicted and of the
@@ -121,7 +128,9 @@ impl UnmodelledAcceleration {
         let share = 1.0 - (-dt / time).exp();
         let std = (predicted + measured).sqrt();
         self.mean += share * (innovation / std - self.mean);
-        let beyond = self.mean * self.mean - share / (2.0 - share);
+        self.largest *= 1.0 - (dt / FADING).min(1.0);
+        let chance = share / (2.0 - share);
+        let beyond = self.mean * self.mean - chance;
         if beyond <= 0.0 {
             (self.since, self.std) = (0.0, 0.0);
             return;
@@ -130,6 +139,14 @@ impl UnmodelledAcceleration {
         // dt / K, as long as that is longer than the memory
         let followed = (dt * std * std / predicted.max(f64::MIN_POSITIVE)).max(time);
         self.std = beyond.sqrt() * std / (time + self.since).min(followed);
+        if self.mean * self.mean > CHANCE * CHANCE * chance {
+            self.largest = self.largest.max(self.std);
+        }
+    }
+
+    /// Standard deviation of what nobody has noticed yet: as large as what was seen of late, it is three deviations away.
+    pub fn again(&self) -> f64 {
+        self.largest / 3.0
     }
 
     /// Its standard deviation if it has lasted for longer than `time`, s, as by chance it does not; else 0.
@@ -139,6 +156,6 @@ impl UnmodelledAcceleration {
 
     /// Whether the numbers, which are finite, can have come from [`learn`](Self::learn).
     pub fn is_valid(&self) -> bool {
-        self.std >= 0.0 && self.since >= 0.0
+        self.std >= 0.0 && self.since >= 0.0 && self.largest >= 0.0
     }
 }

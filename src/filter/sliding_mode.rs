@@ -27,6 +27,7 @@
 //! | cause | force error |
 //! |---|---|
 //! | lag on a ramp, `lambda = 0` | at most `max abs(F') / kappa`; in general `(F_hat' - F_bar')/kappa` |
+//! | lag after a step of the torque | what the observer would lag behind a force `T/R` |
 //! | white speed noise | `(J/R) kappa sigma_w sqrt(2/(2 - kappa dt))` |
 //! | white torque noise | `sigma_T/R sqrt(kappa dt/(2 - kappa dt))` |
 //! | torque bias `b` | `b/R`, not observable |
@@ -92,6 +93,13 @@ pub struct SlidingModeState {
     pub force: f64,
     /// Low-passed lag error, N: `(F_hat' - F_bar')/kappa`.
     pub lag: f64,
+    /// The largest of late of its sizes, N: a lag that swings is no smaller where it changes its sign.
+    pub swing: f64,
+    /// `s` and `F_bar` of the same observer if the force were the one that balances the torque, rad/s and N.
+    #[serde(with = "super::array")]
+    pub balanced: [f64; 2],
+    /// What that observer lags behind, N.
+    pub torque_lag: f64,
     /// Last change of speed, rad/s².
     pub acceleration: f64,
     /// Samples without a measured speed since the last one.
@@ -109,6 +117,9 @@ impl SlidingMode {
             amplitude: self.amplitude,
             force: 0.0,
             lag: 0.0,
+            swing: 0.0,
+            balanced: [0.0; 2],
+            torque_lag: 0.0,
             acceleration: 0.0,
             stale: 0,
             started: false,
@@ -163,7 +174,12 @@ impl SlidingMode {
         if before.2 == 0 {
             // rates of change, seen through a low-pass a quarter as fast as the layer
             let rate = (force - before.0 - (state.nominal - before.1)) / dt;
-            state.lag += (0.25 * kappa * dt).min(1.0) * (rate / kappa - state.lag);
+            let share = (0.25 * kappa * dt).min(1.0);
+            state.lag += share * (rate / kappa - state.lag);
+            state.swing = state.lag.abs().max((1.0 - share) * state.swing);
+        }
+        if !self.feedforward {
+            self.follow_torque(state, motion.balance(torque), motion.force_per_acceleration(), dt);
         }
         if let Some(law) = &self.adaptation {
             let direction = if s.abs() > law.dead_zone { 1.0 } else { -1.0 };
@@ -171,6 +187,16 @@ impl SlidingMode {
             state.amplitude = moved.clamp(law.least, law.greatest);
         }
         force
+    }
+
+    /// What the observer would lag behind a force that balances the torque: a step of this shows before the force does.
+    fn follow_torque(&self, state: &mut SlidingModeState, balance: f64, per_acceleration: f64, dt: f64) {
+        let kappa = self.layer_gain(state.amplitude);
+        let [s, nominal] = &mut state.balanced;
+        let force = *nominal - per_acceleration * kappa * *s;
+        state.torque_lag = balance - force;
+        *s -= dt * ((balance - *nominal) / per_acceleration + kappa * *s);
+        *nominal += dt * self.nominal_rate * (force - *nominal);
     }
 
     /// The error budget: standard deviation of the last force, N, from the standard deviations of
@@ -186,7 +212,8 @@ impl SlidingMode {
         let inertia = known.inertia_error * per_acceleration * state.acceleration;
         // a held force is as wrong as the force may have moved since
         let held = f64::from(state.stale.min(1_000_000)) * dt * (state.lag * kappa).abs();
-        (speed * speed + torque * torque + bias * bias + inertia * inertia + state.lag * state.lag + held * held).sqrt()
+        let lag = state.swing.max(state.torque_lag.abs());
+        (speed * speed + torque * torque + bias * bias + inertia * inertia + lag * lag + held * held).sqrt()
     }
 }
 

@@ -51,7 +51,7 @@ fn fed(observer: &SlidingMode, count: usize, mut sample: impl FnMut(f64) -> (f64
 
 /// Noise that does not last has no lag.
 fn std(observer: &SlidingMode, state: &SlidingModeState, known: Knowledge) -> f64 {
-    observer.force_std(&Wheel, &SlidingModeState { lag: 0.0, ..*state }, &known, DT)
+    observer.force_std(&Wheel, &SlidingModeState { lag: 0.0, swing: 0.0, torque_lag: 0.0, ..*state }, &known, DT)
 }
 
 #[test]
@@ -110,12 +110,31 @@ fn a_force_that_changes_is_late_and_held_as_the_error_budget_says() {
     assert!((reported / late.hypot(held) - 1.0).abs() < 0.1, "{reported} N for {late} N late and {held} N held");
 }
 
+/// A wheel that rolls at constant speed: its force is the torque over the radius.
+#[test]
+fn a_force_that_steps_with_the_torque_is_never_further_off_than_reported() {
+    let observer = SlidingMode { nominal_rate: 8.0, ..observer(false) };
+    let mut state = fed(&observer, 500, |_| (10.0, 0.0));
+    for (torque, count) in [(40.0, 300), (-90.0, 7), (15.0, 300)] {
+        for k in 0..count {
+            let force = observer.step(&Wheel, &mut state, 10.0, torque, DT);
+            let (off, reported) = (force - torque / RADIUS, observer.force_std(&Wheel, &state, &EXACT, DT));
+            assert!(
+                off.abs() < 1.001 * reported + 1e-9,
+                "{torque} N.m, sample {k}: {off} N off, reported {reported} N"
+            );
+        }
+    }
+}
+
 #[test]
 fn independent_causes_add_up_in_squares() {
     let observer = observer(false);
-    let state = SlidingModeState { lag: 3.0, stale: 2, acceleration: -4.0, ..observer.start() };
+    let state = SlidingModeState { lag: 3.0, swing: 3.0, stale: 2, acceleration: -4.0, ..observer.start() };
     let all = Knowledge { speed_noise: 0.02, torque_noise: 3.0, torque_bias: 1.5, inertia_error: 0.2 };
-    let of = |lag: f64, known: Knowledge| observer.force_std(&Wheel, &SlidingModeState { lag, ..state }, &known, DT);
+    let of = |lag: f64, known: Knowledge| {
+        observer.force_std(&Wheel, &SlidingModeState { lag, swing: lag, ..state }, &known, DT)
+    };
     let parts = [
         of(3.0, EXACT),
         of(0.0, Knowledge { speed_noise: all.speed_noise, ..EXACT }),

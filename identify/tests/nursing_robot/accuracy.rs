@@ -212,7 +212,7 @@ fn the_motion_about_the_posture_has_a_standard_deviation_of_its_own() {
         let (error, std, wide) = (median(&errors), median(&stds), median(&wide));
         println!("{scenario}: error {error:.1}, std {std:.1} (body {wide:.1}) mrad, {share:.3} within 2 std");
         // A cough moves the body before the wheels tell; in the last scenario every parameter is a little wrong.
-        assert!(std < 12.0 && std < 0.2 * wide && share >= 0.82, "{scenario}: {std} mrad, {share}");
+        assert!(std < 13.0 && std < 0.2 * wide && share >= 0.9, "{scenario}: {std} mrad, {share}");
     }
 }
 

@@ -51,7 +51,7 @@ crate::variables! {
         sway_force: Estimate = Estimate::NONE, "N";
         /// Passive torque of spring and damper at the hip, positive when leaning forward of the rest posture.
         hip_torque: Estimate = Estimate::NONE, "N.m";
-        /// Active torque of the person at the hip, positive pushing the body forward; 0 with standard deviation 0 unless the model is sound_torque.
+        /// Active torque of the person at the hip, positive pushing the body forward; 0 unless the model is sound_torque, with the standard deviation of what a person may do unnoticed.
         active_torque: Estimate = Estimate::NONE, "N.m";
         /// Centre of gravity of the person, forward of the driven axle.
         load_cog_x: Estimate = Estimate::NONE, "m";

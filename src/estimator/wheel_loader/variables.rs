@@ -42,7 +42,7 @@ variables! {
         cg_to_rear_axle: Estimate = Estimate::NONE, "m";
         /// Slip stiffness of the tyres: longitudinal force over axle load and slip.
         slip_stiffness: Estimate = Estimate::NONE, "1";
-        /// Front axle's share of the present load, which moves with acceleration, slope and spading.
+        /// Front axle's share of the present load, which moves with acceleration, slope and spading; without what bumps do to it for less than half a second.
         load_ratio: Estimate = Estimate::NONE, "1";
         /// Rolling radius of the front wheels, as given (standard deviation 0) or as corrected online.
         wheel_radius_front: Estimate = Estimate::NONE, "m";

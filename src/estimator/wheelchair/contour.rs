@@ -84,6 +84,21 @@ fn widen_across(belief: &mut Gaussian<13>, read: [f64; 2], noise: &Noise, gravit
     widen(belief, model::XI, off, known + noise.accel * noise.accel, gravity)
 }
 
+/// Mean square tilt along the contour line that a specific force shows beyond what biases and noise explain, of variance `known`,
+/// rad^2.
+fn along_contour<const N: usize>(
+    belief: &Gaussian<N>,
+    read: [f64; 2],
+    start: &InitialParameters,
+    known: f64,
+    gravity: f64,
+) -> f64 {
+    let (sa, ca) = belief.mean[model::ALPHA].sin_cos();
+    let along = ca * (read[0] - start.accel_x_bias) - sa * (read[1] - start.accel_y_bias);
+    // NaN vanishes in max
+    (along * along - known).max(0.0) / (gravity * gravity)
+}
+
 /// Widens a tilt by what a specific force is off beyond its variance. Returns whether that is improbable.
 fn widen<const N: usize>(belief: &mut Gaussian<N>, tilt: usize, off: f64, known: f64, gravity: f64) -> bool {
     let beyond = off * off - known;
@@ -159,6 +174,12 @@ impl ChairMachine {
     /// stands on such ground is held by a brake, which nobody reports. `basic`, to which forces are exact, knows no brake.
     pub(super) fn widen_slope(&self, state: &mut State, read: [f64; 2]) {
         let gravity = self.chair.gravity;
+        let (start, known) = (&self.parameters.initial, self.accel_bias_std().hypot(self.basic.noise.accel).powi(2));
+        match &state.belief {
+            ChairBelief::Basic(belief) => state.watch.begin(along_contour(belief, read, start, known, gravity)),
+            ChairBelief::Biased(belief) => state.watch.begin(along_contour(belief, read, start, known, gravity)),
+            ChairBelief::Gravity(_) => {}
+        }
         state.may_be_braked = match &mut state.belief {
             ChairBelief::Basic(_) => false,
             ChairBelief::Biased(belief) => widen_across(belief, read, &self.biased.noise, gravity),
@@ -261,7 +282,9 @@ impl ChairMachine {
                 let ([x, y], (sa, ca)) = (self.found_biases(&state.belief), belief.mean[model::ALPHA].sin_cos());
                 share * (ca * x - sa * y) / gravity
             }
-            ChairBelief::Basic(_) | ChairBelief::Gravity(_) => 0.0,
+            // Which line the contour line is shows no better than the slope does.
+            ChairBelief::Basic(belief) => belief.std(model::XI),
+            ChairBelief::Gravity(_) => 0.0,
         };
         std * std + found * found + state.watch.tilt_along_contour()
     }

@@ -93,7 +93,9 @@
 //!
 //! # What cannot be observed
 //! Encoders that sit on the frame read the wheels relative to it, `r theta'` more than the axle travels while the frame pitches; those of
-//! the source do not. `speed_std` contains it where the gyro shows a pitch rate, `distance_std` does not.
+//! the source do not. `speed_std` contains it where the gyro shows a pitch rate, `distance_std` what the frame has turned since the
+//! start. The error of the wheels' radius (`chair.wheel_radius_std`, 0.02 by default) counts in the deviations of speed, distance, yaw
+//! rate, and of a heading that the encoders give.
 //!
 //! On flat ground nothing measured gives the heading relative to the contour line: it rests on the initial heading and the
 //! encoders, and `status` says `unobservable`. Where the heading comes from gravity it is as good as the leftward

@@ -70,8 +70,20 @@ impl ChairMachine {
                 report_biases(&mean, belief, [biased_gravity::GYRO_BIAS, biased_gravity::FORCE_GAIN], outputs);
             }
         }
-        outputs.speed.std = outputs.speed.std.hypot(state.frame_turn.speed_std(&self.chair));
+        self.count_wheels(state, outputs);
         outputs.standstill = drive.still;
+    }
+
+    /// Counts what the encoders cannot tell: errors of the wheels' radius, and the frame that they sit on.
+    fn count_wheels(&self, state: &State, outputs: &mut Outputs) {
+        let relative = self.parameters.chair.wheel_radius_std;
+        for (estimate, frame) in [
+            (&mut outputs.speed, state.frame_turn.speed_std(&self.chair)),
+            (&mut outputs.distance, state.frame_turn.distance_std(&self.chair)),
+            (&mut outputs.yaw_rate, 0.0),
+        ] {
+            estimate.std = estimate.std.hypot(frame).hypot(relative * estimate.value);
+        }
     }
 
     /// The outputs that come from the first six states, with or without biases behind them; `along_contour` is the mean
@@ -96,7 +108,8 @@ impl ChairMachine {
         // With chi along the contour line the slope is hypot(xi, chi), and the contour line turns by atan(chi/xi).
         let (xi, chi) = (x[model::XI].abs(), along_contour.sqrt());
         let steeper = if chi > 0.0 { along_contour / xi.hypot(chi) } else { 0.0 };
-        let turned_line = chi.atan2(xi).hypot(outputs.heading.std);
+        let by_radius = self.parameters.chair.wheel_radius_std * (x[model::ALPHA] - self.chair.heading_reference);
+        let turned_line = chi.atan2(xi).hypot(outputs.heading.std).hypot(by_radius);
         outputs.heading.std = turned_line.min(UNKNOWN_HEADING.max(outputs.heading.std));
         outputs.slope = Estimate::new(sign * x[model::XI], belief.std(model::XI).hypot(steeper).hypot(held));
         outputs.slope_rate = Estimate::new(sign * x[model::W], belief.std(model::W));

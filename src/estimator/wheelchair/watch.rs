@@ -40,6 +40,8 @@ const LEAST_TILT: f64 = 0.012;
 const LEAST_DISTURBING_TILT: f64 = 0.004;
 /// What the ground may tilt along the contour line while a sensor contradicts that line, rad.
 const SEEN_TILT: f64 = 0.1;
+/// What the first sample shows is a bias if nothing has contradicted the contour line for so long, s.
+const START_TIME: f64 = 3.0;
 /// The gyro sees a tilt only while it grows, and a bias that nobody expects stays: they count so many times.
 const CONCLUSIVE: f64 = 3.0;
 /// With less of it across the heading the leftward accelerometer says nothing about the contour line.
@@ -87,6 +89,8 @@ pub struct Watch {
     pub brake: Brake,
     /// Tilt of the ground along the contour line, rad.
     across: Mean,
+    /// Mean square of it as the first sample shows it, rad^2: it fades.
+    start: f64,
     /// Innovations of gyro and heading over their standard deviations.
     gyro: Mean,
     heading: Mean,
@@ -101,7 +105,12 @@ impl Watch {
     /// Mean square tilt along the contour line that the innovations indicate, rad^2.
     pub fn tilt_along_contour(&self) -> f64 {
         let seen = if self.contradicts_contour() { SEEN_TILT * SEEN_TILT } else { 0.0 };
-        self.across.square() + seen
+        self.across.square() + seen + self.start
+    }
+
+    /// Takes the mean square tilt along the contour line that the first sample shows beyond biases and noise, rad^2.
+    pub fn begin(&mut self, along_contour: f64) {
+        self.start = along_contour.min(SEEN_TILT * SEEN_TILT);
     }
 
     /// Whether a sensor contradicts the contour line.
@@ -168,6 +177,7 @@ impl Watch {
         rows: &Rows<N, 6>,
         dt: f64,
     ) -> bool {
+        self.start *= (-dt / START_TIME).exp();
         let share = -alpha.sin();
         if rows.used[LEFT] && share.abs() > LEAST_SHARE {
             let scale = gravity * share;

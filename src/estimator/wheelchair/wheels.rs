@@ -93,11 +93,13 @@ impl Wheels {
 
 /// Encoders that sit on the frame read the wheels relative to it: where the frame pitches, as over the edge of a ramp, they read
 /// `r theta'` more than the axle travels. The source's encoders do not, and nobody says which kind a chair has: the standard
-/// deviation of the speed contains it for as long as the filter remembers.
+/// deviation of the speed contains it for as long as the filter remembers, that of the distance what the frame has turned so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameTurn {
     /// Largest pitch rate of late, rad/s.
     rate: f64,
+    /// How far the frame has turned since the start, rad.
+    turned: f64,
 }
 
 /// How long what the encoders once read is in the speed, s: with the defaults' noise the filter follows a changed speed in
@@ -112,11 +114,19 @@ impl FrameTurn {
         let beyond = (rate * rate - (NOISE * noise).powi(2)).max(0.0).sqrt();
         // NaN vanishes in max
         self.rate = (self.rate * (-dt / REMEMBERED).exp()).max(beyond);
+        if beyond > 0.0 {
+            self.turned += rate * dt;
+        }
     }
 
     /// Standard deviation of the speed from it, m/s.
     pub fn speed_std(&self, chair: &Chair) -> f64 {
         chair.body.wheel_radius * self.rate
+    }
+
+    /// Standard deviation of the distance from it, m.
+    pub fn distance_std(&self, chair: &Chair) -> f64 {
+        chair.body.wheel_radius * self.turned.abs()
     }
 }
 

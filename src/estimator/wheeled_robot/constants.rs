@@ -1,11 +1,11 @@
 //! Constants that are known with an error, considered in the covariance ([`crate::filter::srckf`]): stiffness and friction
 //! of each axle's tyres and the direction in which it rolls, rolling radius and slip, the bias of the lateral accelerometer.
 
-use super::parameters::Parameters;
+use super::parameters::{Axle, Parameters};
 use super::speed_knowledge::is_measured;
 use super::wheel_speed::COMPLIANCE;
 use crate::filter::gaussian::FactoredGaussian;
-use crate::filter::square_root::{absorb, product};
+use crate::filter::square_root::product;
 use crate::model::tire::Tire;
 use crate::model::wheeled_robot::{Drive, Forces, Motion, Vehicle, WheeledRobot, Wheels};
 use nalgebra::{Matrix3, SMatrix, Vector3};
@@ -35,6 +35,10 @@ fn brush(used: f64) -> f64 {
 fn softer(tire: &Tire) -> f64 {
     (1.0 + tire.stiffness_std) * tire.nominal_load / (tire.stiffness * COMPLIANCE)
 }
+
+/// Largest error of the rolling radius that the gain is made for, relative. With a larger one the filter would rather take the speed
+/// from `ay/r`, of which the roll of the body takes a tenth: only the deviations contain the rest.
+const RADIUS_OF_GAIN: f64 = 0.01;
 
 /// How far the motion is off per standard deviation of each constant.
 pub(super) type Cross = SMatrix<f64, 3, COUNT>;
@@ -87,8 +91,8 @@ impl Slopes {
 pub(super) struct Constants {
     /// Relative, of stiffness and friction: front, rear.
     tire: [[f64; 2]; 2],
-    /// Relative, of the rolling radius.
-    radius: f64,
+    /// Relative, of the rolling radius: the one that the gain is made for, and how many times that the whole one is.
+    radius: [f64; 2],
     /// Of the accelerometer's bias along and across the vehicle, m/s².
     bias: [f64; 2],
     /// Of the direction in which the wheels of an axle roll, rad.
@@ -105,6 +109,8 @@ pub(super) struct Constants {
     tires: [[f64; 2]; 2],
     /// Standard deviation of the slip over the one that the gain is made for ([`softer`]).
     softer: f64,
+    /// The same factor where the axle that gives the speed may drive alone.
+    alone: f64,
 }
 
 impl Constants {
@@ -114,7 +120,10 @@ impl Constants {
         let axles = [&p.tire.front, &p.tire.rear];
         Self {
             tire: axles.map(|tire| [considered * tire.stiffness_std, considered * tire.friction_std]),
-            radius: considered * p.wheel.radius_std,
+            radius: [
+                considered * p.wheel.radius_std.min(RADIUS_OF_GAIN),
+                (p.wheel.radius_std / RADIUS_OF_GAIN).max(1.0),
+            ],
             bias: [p.imu.accel_x_bias_std, p.imu.accel_y_bias_std].map(|std| considered * std),
             steering: considered * p.filter.measurement_std.steering_angle_bias,
             inertia: considered * p.vehicle.yaw_inertia_std,
@@ -122,6 +131,8 @@ impl Constants {
             considered,
             imu: [p.imu.x, p.imu.y],
             tires: axles.map(|tire| [tire.stiffness / tire.nominal_load, tire.friction]),
+            alone: p.vehicle.wheelbase()
+                / if p.filter.speed_axle == Axle::Rear { p.vehicle.cg_to_front } else { p.vehicle.cg_to_rear },
             softer: if p.wheel.slip_stiffness > 0.0 { 1.0 } else { axles.map(softer).into_iter().fold(1.0, f64::max) },
         }
     }
@@ -234,16 +245,16 @@ impl Constants {
     /// What the errors of radius and slip, of which the standard deviation is given (m/s), add to a speed from the
     /// wheels, m/s.
     pub fn rolled(&self, speed: f64, slip_std: f64) -> [f64; 2] {
-        [self.radius * speed, slip_std]
+        [self.radius[0] * speed, slip_std]
     }
 
-    /// What is known of the motion, the constants' errors counted.
-    pub fn counted(&self, belief: &FactoredGaussian<3>, cross: &Cross) -> FactoredGaussian<3> {
-        let mut counted = *belief;
-        let mut cross = *cross;
-        cross.column_mut(SLIP).scale_mut(self.softer);
-        absorb(&mut counted.factor, cross);
-        counted
+    /// What the whole errors of radius and slip have made of the motion, where the gain is made for smaller ones.
+    /// Without torques, `by_torque`, nobody knows which axle drives.
+    pub fn whole(&self, cross: &Cross, by_torque: bool) -> Cross {
+        let mut whole = *cross;
+        whole.column_mut(RADIUS).scale_mut(self.radius[1]);
+        whole.column_mut(SLIP).scale_mut(self.softer * if by_torque { 1.0 } else { self.alone });
+        whole
     }
 
     /// Standard deviation of a wheel's lateral force from that of its slip angle, which follows the motion by `slope`,

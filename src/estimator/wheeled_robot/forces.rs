@@ -84,6 +84,8 @@ pub struct WheelForces {
     pub force_std: Wheels,
     /// Standard deviation of the constant error that all of them share where the accelerometer gives them, m/s².
     pub acceleration_std: f64,
+    /// Whether they come from torques, else from the acceleration.
+    pub by_torque: bool,
 }
 
 /// Settings of the observers.
@@ -170,6 +172,7 @@ impl ForceObservers {
             force: [0.0; 4],
             force_std: [0.0; 4],
             acceleration_std: 0.0,
+            by_torque: false,
         }
     }
 
@@ -187,6 +190,7 @@ impl ForceObservers {
             let share = (f64::from(steps) * h / ACCELERATION_LAG).min(1.0);
             state.acceleration = Some(state.acceleration.map_or(accel_x, |last| last + share * (accel_x - last)));
         }
+        state.by_torque = readings.torque_is_known;
         if readings.torque_is_known {
             state.acceleration_std = 0.0;
             for i in 0..4 {

@@ -3,7 +3,7 @@
 use super::variables::Outputs;
 use super::{RobotMachine, State, UNREACHABLE};
 use crate::filter::gaussian::FactoredGaussian;
-use crate::filter::square_root::absorb_diagonal;
+use crate::filter::square_root::{absorb, absorb_diagonal};
 use crate::model::wheeled_robot::{Drive, Motion, Wheels};
 use crate::variable::Estimate;
 use nalgebra::Vector3;
@@ -23,7 +23,9 @@ impl RobotMachine {
         let [carried, pushed] = state.unmodelled.speed_std();
         let mut uncertain = state.belief;
         absorb_diagonal(&mut uncertain.factor, &Vector3::new(carried.hypot(state.slip.doubt()), pushed, 0.0));
-        let belief = &self.constants.counted(&uncertain, &state.cross);
+        let cross = self.constants.whole(&state.cross, forces.by_torque);
+        let mut belief = uncertain;
+        absorb(&mut belief.factor, cross);
         let drive = Drive::new(steering, forces.force);
         let mut x = Motion::from(belief.mean);
         let mut grip = state.grip;
@@ -48,25 +50,28 @@ impl RobotMachine {
         out.yaw_rate = Estimate::new(r, belief.std(2));
         let square = vx * vx + vy * vy;
         out.sideslip = if square > self.parameters.filter.minimum_speed.powi(2) {
-            Estimate::new(vy.atan2(vx), std_along(belief, [-vy / square, vx / square, 0.0]))
+            Estimate::new(vy.atan2(vx), std_along(&belief, [-vy / square, vx / square, 0.0]))
         } else {
             // at rest the direction of motion is anything
             Estimate::new(0.0, PI / 3f64.sqrt())
         };
 
         let slopes = self.model.slip_derivatives(&x, &drive);
+        // a torque makes its force on the radius
+        let by_radius = if forces.by_torque { self.parameters.wheel.radius_std } else { 0.0 };
+        let longitudinal_std: Wheels = std::array::from_fn(|i| forces.force_std[i].hypot(by_radius * forces.force[i]));
         // an axle's force is that of two wheels
         let unmodelled = 0.5 * self.model.vehicle.mass * state.unmodelled.acceleration_std(self.reach);
         let lateral_std = std::array::from_fn(|i| {
             let wheel = (&self.model.vehicle, i);
-            self.constants.lateral_std(&uncertain, &state.cross, slopes[i], &grip, wheel).hypot(unmodelled)
+            self.constants.lateral_std(&uncertain, &cross, slopes[i], &grip, wheel).hypot(unmodelled)
         });
         [out.wheel_force_x_fl, out.wheel_force_x_fr, out.wheel_force_x_rl, out.wheel_force_x_rr] =
-            estimates(&forces.force, &forces.force_std);
+            estimates(&forces.force, &longitudinal_std);
         [out.wheel_force_y_fl, out.wheel_force_y_fr, out.wheel_force_y_rl, out.wheel_force_y_rr] =
             estimates(&grip.lateral, &lateral_std);
         [out.wheel_load_fl, out.wheel_load_fr, out.wheel_load_rl, out.wheel_load_rr] =
-            estimates(&grip.load, &self.load_std(&forces.force_std, &lateral_std));
+            estimates(&grip.load, &self.load_std(&longitudinal_std, &lateral_std));
         [out.nis_accel_x, out.nis_accel_y, out.nis_gyro_z, out.nis_speed] = state.nis;
         out.output_error = state.output_error;
     }

@@ -107,6 +107,10 @@ variables! {
         stiffness_pitch: f64 = 400.0, "N.m/rad", [0.0, 1e5], essential;
         /// Damping of the hip against pitching (c_y).
         damping_pitch: f64 = 25.0, "N.m.s/rad", [0.0, 1e4], essential;
+        /// Error of stiffness_pitch over stiffness_pitch (one standard deviation), which counts in the estimates' deviations. identify fit finds it; persons differ by half.
+        stiffness_pitch_std: f64 = 0.5, "1", [0.0, 10.0], tunable;
+        /// Error of damping_pitch over damping_pitch (one standard deviation), likewise.
+        damping_pitch_std: f64 = 0.5, "1", [0.0, 10.0], tunable;
         /// Pitch of the relaxed posture, positive leaning forward (phi_y0).
         rest_pitch: f64 = 0.0, "rad", [-1.0, 1.0];
         /// How far the posture that a person keeps may differ from rest_pitch (standard deviation). Wheels cannot feel a kept lean, so this enters body_pitch_std when no tilt is measured. identify fit finds it from a log with tilt (--only human.rest_pitch,human.rest_pitch_std).

@@ -62,8 +62,8 @@ variables! {
     pub struct Wheel {
         /// Rolling radius (R).
         radius: f64 = 0.15, "m", [0.001, 10.0], essential;
-        /// Error of the rolling radius over the radius (one standard deviation), which counts in speed_x_std where the speed comes from the wheels.
-        radius_std: f64 = 0.01, "1", [0.0, 1.0], tunable;
+        /// Error of the rolling radius over the radius (one standard deviation), which counts in speed_x_std where the speed comes from the wheels: tyres roll on 0.95 to 1 of the radius that they are sold with, and wear. 0.005 if it was calibrated over a known distance.
+        radius_std: f64 = 0.04, "1", [0.0, 1.0], tunable;
         /// Moment of inertia of one wheel with all that turns with it, a motor's rotor reflected through its gear included (J).
         inertia: f64 = 0.06, "kg.m2", [1e-8, 1e5];
         /// Longitudinal force per slip and per load, which corrects the speed taken from slipping wheels; 0 if it is not known: the wheels are taken to roll without slip, and that of a slip stiffness of 15 counts as an error in speed_x_std. Typically 15 to 30.

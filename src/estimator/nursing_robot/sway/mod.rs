@@ -100,7 +100,10 @@ pub struct SwayEstimator {
     /// Speed, m/s, and time, s, of held wheels.
     hold: Option<(f64, f64)>,
     mass_bounds: (f64, f64),
+    /// How far the posture at rest is unknown, rad.
     rest_std: f64,
+    /// Errors of the hip's stiffness and damping, relative.
+    passive_std: [f64; 2],
 }
 
 /// Rejections in a row before the speed is reset to its measurement.
@@ -146,7 +149,8 @@ impl SwayEstimator {
             pitch_limit: s.pitch_limit,
             hold: (s.hold_wheels && !paper).then_some((s.hold_speed, s.hold_time)),
             mass_bounds: (LEAST_MASS.min(p.limit.load_mass), p.limit.load_mass),
-            rest_std: if s.use_tilt { 0.0 } else { p.human.rest_pitch_std },
+            rest_std: p.human.rest_pitch_std,
+            passive_std: [p.human.stiffness_pitch_std, p.human.damping_pitch_std],
         }
     }
 }

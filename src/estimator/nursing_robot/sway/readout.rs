@@ -3,6 +3,7 @@
 
 use super::{Form, SwayBelief, SwayEstimator, SwayState};
 use crate::filter::gaussian::Gaussian;
+use crate::model::nursing_robot::Planar;
 use crate::variable::Estimate;
 use nalgebra::SVector;
 
@@ -23,6 +24,8 @@ pub struct SwayEstimate {
 const LONGEST_STEP: f64 = 0.01;
 /// A force that the model does not have is taken for a lean if it lasts so long, s.
 const LEAN_TIME: f64 = 0.15;
+/// Least stiffness of the upright posture, N m/rad: a softer hip topples.
+const LEAST_STIFFNESS: f64 = 1.0;
 /// Most steps forward; what lies beyond is held.
 const MOST_STEPS: f64 = 200.0;
 
@@ -43,20 +46,56 @@ impl SwayEstimator {
             SwayBelief::Four(belief) => self.read(state, belief, force, horizon),
         };
         estimate.force.std = estimate.force.std.hypot(unexplained);
-        if !self.use_channel[1] {
-            let notice = self.scale.0;
-            let torque = self.torque_noise(state).sqrt();
-            let planar = self.step_of(state, 0.0, 0.0).planar;
-            // A force that lasts is taken for a lean.
-            let unexplained = unexplained.hypot(planar.inertial_mass * state.unmodelled.lasting(LEAN_TIME));
-            let unnoticed = 0.5 * notice * notice * planar.hip_torque_response(estimate.state[1].value).1 * torque;
-            // A sway of this force in its own frequency: F = b phi'', J phi'' = -(k - b g) phi.
-            let lean = (unexplained * planar.j * planar.posture_by_rest() / (planar.b * planar.k)).hypot(unnoticed);
-            estimate.motion.std = estimate.motion.std.hypot(lean);
-            estimate.state[1].std = estimate.state[1].std.hypot(lean);
-            estimate.torque.std = estimate.torque.std.hypot(planar.k * lean);
-        }
+        let planar = self.step_of(state, 0.0, 0.0).planar;
+        let moved =
+            if self.use_channel[1] { 0.0 } else { self.widen_motion(state, &planar, unexplained, &mut estimate) };
+        self.widen_torques(state, &planar, moved, &mut estimate);
         estimate
+    }
+
+    /// Without a tilt sensor: adds to the deviations of pitch and pitch rate what the wheels do not tell of them. Returns what it
+    /// has added to that of the motion, rad.
+    fn widen_motion(&self, state: &SwayState, planar: &Planar, unexplained: f64, estimate: &mut SwayEstimate) -> f64 {
+        let (posture, notice) = (planar.posture_by_rest(), self.scale.0);
+        // J phi'' = -(k - b g) phi
+        let frequency = ((planar.k / posture).max(LEAST_STIFFNESS) / planar.j).sqrt();
+        // A force that lasts is taken for a lean: for a sway of this force in its own frequency, F = b phi''.
+        let unexplained = unexplained.hypot(planar.inertial_mass * state.unmodelled.lasting(LEAN_TIME));
+        let taken_for_sway = unexplained / (planar.b * frequency * frequency);
+        // The force shows; the sway follows from it by spring and damper.
+        let [spring, damper] = self.passive_std;
+        let share = posture * spring.hypot(damper * planar.c * frequency / planar.k.max(LEAST_STIFFNESS));
+        let sway = taken_for_sway.hypot(share * estimate.motion.value.hypot(estimate.state[2].value / frequency));
+        let torque = self.torque_noise(state).sqrt();
+        let unnoticed = notice * planar.hip_torque_response(estimate.state[1].value).1 * torque;
+        let moved = sway.hypot(0.5 * notice * unnoticed);
+        estimate.motion.std = estimate.motion.std.hypot(moved);
+        estimate.state[1].std = estimate.state[1].std.hypot(moved).hypot(posture * self.rest_std);
+        if self.form.states() > 2 && !self.use_channel[2] {
+            estimate.state[2].std = estimate.state[2].std.hypot(frequency * sway).hypot(unnoticed);
+        }
+        moved
+    }
+
+    /// Adds to the deviations of the hip's torques what errors of spring, damper and posture make of them; `moved` is the
+    /// standard deviation of the motion that the filter does not know of, rad.
+    fn widen_torques(&self, state: &SwayState, planar: &Planar, moved: f64, estimate: &mut SwayEstimate) {
+        let [spring, damper] = self.passive_std;
+        // Where the pitch is not measured it moves with the posture, and the torque is the one that gravity then asks for.
+        let posture = if self.use_channel[1] { 1.0 } else { planar.posture_by_rest() - 1.0 };
+        let passive = (spring * planar.k * (estimate.state[1].value - planar.rest))
+            .hypot(damper * planar.c * estimate.state[2].value)
+            .hypot(planar.k * posture * self.rest_std)
+            .hypot(planar.k * moved);
+        estimate.torque.std = estimate.torque.std.hypot(passive);
+        estimate.state[3].std = if self.form == Form::SoundTorque {
+            // Together they are what the motion needs.
+            estimate.state[3].std.hypot(passive)
+        } else {
+            let seen = state.unmodelled.std.max(state.unmodelled.again());
+            let unmodelled = seen / planar.hip_torque_response(estimate.state[1].value).0.abs();
+            self.initial_std[3].hypot(self.torque_noise(state).sqrt()).hypot(unmodelled)
+        };
     }
 
     fn read<const N: usize>(&self, state: &SwayState, belief: &Gaussian<N>, force: f64, horizon: f64) -> SwayEstimate {
@@ -83,14 +122,13 @@ impl SwayEstimator {
         let planar = &step.planar;
         let posture = planar.posture_by_rest();
         estimate.motion = Estimate::new(mean[1] - posture * planar.rest, estimate.state[1].std);
-        estimate.state[1].std = estimate.state[1].std.hypot(posture * self.rest_std);
         let unmodelled = self.torque_noise(state);
         let force = step.sway_force(&mean);
         let gradient = gradient(&mean, force, |x| step.sway_force(x));
         let direct = planar.b * planar.hip_torque_response(mean[1]).1;
         let variance = belief.variance_along(&gradient) + direct * direct * unmodelled;
         // a force that only the innovations know of moves the robot and looks like one of the sway
-        let unmodelled = planar.inertial_mass * state.unmodelled.std;
+        let unmodelled = planar.inertial_mass * state.unmodelled.std.max(state.unmodelled.again());
         estimate.force = Estimate::new(force, variance.sqrt().hypot(unmodelled));
         let rate = if N > 2 { mean[2] } else { 0.0 };
         let gradient = SVector::<f64, N>::from_fn(|i, _| [0.0, planar.k, planar.c, 0.0][i]);

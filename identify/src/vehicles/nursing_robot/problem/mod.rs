@@ -6,6 +6,7 @@
 //! |---|---|---|
 //! | `human.*_pitch` | `tilt` | weak-form pitch rows; with `--refine` output error of speed and tilt |
 //! | `human.rest_pitch_std` (`--only`) | `tilt` | standard error of `human.rest_pitch`, and that nobody sits down twice alike |
+//! | `human.*_pitch_std`, `mass.rolling_uncertainty` | as their parameters | relative standard errors, and what one ride differs by from another |
 //! | `human.*_pitch` | only wheels | rows from the wheels only to start, then output error of the speed; `rest_pitch` stays unknown (a kept lean makes no force) |
 //! | `human.*_roll` | `roll` | weak-form roll rows; roll does not act on the wheels |
 //! | `rolling.coefficient`, `robot.drive_efficiency` | the person's weight as `human.nominal_mass` | weak-form force balance |
@@ -56,6 +57,13 @@ pub const PROBLEM: Problem = Problem { targets, outliers: &[], estimate, validat
 
 const PITCH: [&str; 3] = ["human.stiffness_pitch", "human.damping_pitch", "human.rest_pitch"];
 const REST_STD: &str = "human.rest_pitch_std";
+/// Relative errors that the estimator counts, and what their parameters differ by from one ride to the next, as a person is tense
+/// or at ease and tyres are cold or warm (one standard deviation).
+const WIDTHS: [(&str, &str, f64); 3] = [
+    (PITCH[0], "human.stiffness_pitch_std", 0.1),
+    (PITCH[1], "human.damping_pitch_std", 0.2),
+    (ROLLING, "mass.rolling_uncertainty", 0.1),
+];
 const ROLL: [&str; 3] = ["human.stiffness_roll", "human.damping_roll", "human.rest_roll"];
 const ROLLING: &str = "rolling.coefficient";
 const EFFICIENCY: &str = "robot.drive_efficiency";
@@ -85,7 +93,8 @@ fn targets(_: &[Log]) -> Vec<Target> {
     let declared = Parameters::declare();
     let usual = PITCH.iter().chain(&ROLL).chain(&[ROLLING, EFFICIENCY]).map(|name| (*name, true));
     let others = [ROBOT_MASS, HUMAN_MASS, REST_STD, DRAG].map(|name| (name, false));
-    usual.chain(others).map(|(name, usual)| Target::declared(&declared, name, usual)).collect()
+    let widths = WIDTHS.map(|(_, name, _)| Target::declared(&declared, name, true).optional());
+    usual.chain(others).map(|(name, usual)| Target::declared(&declared, name, usual)).chain(widths).collect()
 }
 
 /// Length of the windows in seconds, and the power of the modulating function: of the sway, and without a tilt sensor.
@@ -233,6 +242,22 @@ fn passive_joint(session: &mut Session, fit: Fitted, names: [&str; 3]) {
     session.estimate_judged(names[2], fit, angle(), |x| x[2] / x[0]);
 }
 
+/// How far what a solution gave may be from that: by the standard errors, and from ride to ride.
+fn widths(session: &mut Session, fit: Fitted, of: &[&str]) {
+    for (from, width, other) in WIDTHS.into_iter().filter(|(from, ..)| of.contains(from)) {
+        match session.value(from).zip(session.std_error(from)) {
+            Some((value, std)) if std < value => session.estimate(width, fit, move |_| (std / value).hypot(other)),
+            _ => session.give_up(width, "it goes with the value, which is not identified"),
+        }
+    }
+}
+
+/// The same of the rolling coefficient, without the slope that the floor may have: the estimator takes its floor as level.
+fn rolling_width(session: &mut Session, fit: Fitted, of: impl Fn(&[f64]) -> f64 + 'static) {
+    session.estimate(ROLLING, fit, of);
+    widths(session, fit, &[ROLLING]);
+}
+
 /// How far the posture may be from the one that was found: by the standard error of that, and because nobody sits down
 /// twice alike.
 fn posture(session: &mut Session, fit: Fitted) {
@@ -292,6 +317,7 @@ fn pitch(rows: Rows, session: &mut Session) -> Result<Option<Passive>, FitError>
     let fit = session.solve(&regression("pitch", spring(), rows), &PITCH)?;
     let Some(fit) = fit else { return Ok(None) };
     passive_joint(session, fit, PITCH);
+    widths(session, fit, &PITCH);
     posture(session, fit);
     let theta = &session.solution(fit).theta;
     let rolling = session.value(ROLLING).unwrap_or(0.015);
@@ -370,7 +396,10 @@ fn output_error(
     };
     if !tilt && !segments.iter().any(moves) {
         let reason = "the speed hardly changes beyond its noise, so the body does not sway";
-        PITCH.iter().for_each(|name| session.retract(name, reason));
+        PITCH
+            .into_iter()
+            .chain(WIDTHS[..2].iter().map(|(_, name, _)| *name))
+            .for_each(|name| session.retract(name, reason));
         return Ok(start);
     }
     let setup = Setup {
@@ -386,6 +415,7 @@ fn output_error(
     let fit = session.keep(refined.solution);
     session.estimate(PITCH[0], fit, |x| x[0]);
     session.estimate(PITCH[1], fit, |x| x[1]);
+    widths(session, fit, &PITCH);
     if tilt {
         session.estimate_judged(PITCH[2], fit, angle(), |x| x[3]);
         posture(session, fit);
@@ -437,6 +467,7 @@ fn force_balance(
     };
     let floor = if task.exact { 0.0 } else { FLOOR_SLOPE };
     let slope = Offset::size(session.offsets().iter()) / GRAVITY;
+    rolling_width(session, fit, |x| x[0]);
     session.estimate_judged(ROLLING, fit, level_floor(floor.hypot(slope)), |x| x[0]);
     if unknowns == Drive::RollingEfficiency {
         session.estimate(EFFICIENCY, fit, |x| x[1]);
@@ -471,6 +502,7 @@ fn mass(task: &Task, logs: &Sources, body: &Body, progress: &Progress, session: 
         true => ACCELEROMETER_BIAS / GRAVITY,
         false => FLOOR_SLOPE,
     };
+    rolling_width(session, fit, move |x| x[0] / (x[1] + other));
     session.estimate_judged(ROLLING, fit, level_floor(systematic_std), move |x| x[0] / (x[1] + other));
     if unknowns == Drive::RollingRobotDrag {
         session.estimate(DRAG, fit, |x| x[2]);
