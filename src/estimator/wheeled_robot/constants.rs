@@ -91,8 +91,10 @@ impl Slopes {
 pub(super) struct Constants {
     /// Relative, of stiffness and friction: front, rear.
     tire: [[f64; 2]; 2],
-    /// Relative, of the rolling radius: the one that the gain is made for, and how many times that the whole one is.
-    radius: [f64; 2],
+    /// Relative, of the rolling radius, as large as the gain is made for.
+    radius: f64,
+    /// The whole error of the rolling radius over that one.
+    radius_of_whole: f64,
     /// Of the accelerometer's bias along and across the vehicle, m/s².
     bias: [f64; 2],
     /// Of the direction in which the wheels of an axle roll, rad.
@@ -120,10 +122,8 @@ impl Constants {
         let axles = [&p.tire.front, &p.tire.rear];
         Self {
             tire: axles.map(|tire| [considered * tire.stiffness_std, considered * tire.friction_std]),
-            radius: [
-                considered * p.wheel.radius_std.min(RADIUS_OF_GAIN),
-                (p.wheel.radius_std / RADIUS_OF_GAIN).max(1.0),
-            ],
+            radius: considered * p.wheel.radius_std.min(RADIUS_OF_GAIN),
+            radius_of_whole: (p.wheel.radius_std / RADIUS_OF_GAIN).max(1.0),
             bias: [p.imu.accel_x_bias_std, p.imu.accel_y_bias_std].map(|std| considered * std),
             steering: considered * p.filter.measurement_std.steering_angle_bias,
             inertia: considered * p.vehicle.yaw_inertia_std,
@@ -245,14 +245,14 @@ impl Constants {
     /// What the errors of radius and slip, of which the standard deviation is given (m/s), add to a speed from the
     /// wheels, m/s.
     pub fn rolled(&self, speed: f64, slip_std: f64) -> [f64; 2] {
-        [self.radius[0] * speed, slip_std]
+        [self.radius * speed, slip_std]
     }
 
     /// What the whole errors of radius and slip have made of the motion, where the gain is made for smaller ones.
     /// Without torques, `by_torque`, nobody knows which axle drives.
     pub fn whole(&self, cross: &Cross, by_torque: bool) -> Cross {
         let mut whole = *cross;
-        whole.column_mut(RADIUS).scale_mut(self.radius[1]);
+        whole.column_mut(RADIUS).scale_mut(self.radius_of_whole);
         whole.column_mut(SLIP).scale_mut(self.softer * if by_torque { 1.0 } else { self.alone });
         whole
     }

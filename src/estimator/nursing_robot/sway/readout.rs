@@ -62,7 +62,8 @@ impl SwayEstimator {
         // A force that lasts is taken for a lean: for a sway of this force in its own frequency, F = b phi''.
         let unexplained = unexplained.hypot(planar.inertial_mass * state.unmodelled.lasting(LEAN_TIME));
         let taken_for_sway = unexplained / (planar.b * frequency * frequency);
-        // The force shows; the sway follows from it by spring and damper.
+        // The force shows, the sway follows from it by spring and damper: at rest b a = -(k - b g) phi, so that an error of k moves
+        // phi by that over k - b g, and one of c by c frequency over it.
         let [spring, damper] = self.passive_std;
         let share = posture * spring.hypot(damper * planar.c * frequency / planar.k.max(LEAST_STIFFNESS));
         let sway = taken_for_sway.hypot(share * estimate.motion.value.hypot(estimate.state[2].value / frequency));
