@@ -15,6 +15,7 @@
 
 pub mod channel;
 mod gram;
+mod regression;
 pub mod relation;
 mod scan;
 mod signals;
@@ -107,9 +108,9 @@ pub(crate) fn check_from(long: usize, subject: &Subject, log: &Log) -> Vec<Findi
         let whole = log.len() < long;
         let signals = if whole { Signals::new(subject, log) } else { Signals::of_parts(subject, log, period) };
         let answers = if whole {
-            relation::answers(&signals, (subject.checks.relations)(&signals), &spoilt)
+            regression::answers(&signals, (subject.checks.relations)(&signals), &spoilt)
         } else {
-            relation::answers_by_blocks(subject, log, &spoilt)
+            regression::answers_by_blocks(subject, log, &spoilt)
         };
         findings.extend(relation::check(log, signals.period, &answers));
         let delays = (subject.checks.delays)(&signals).into_iter();
