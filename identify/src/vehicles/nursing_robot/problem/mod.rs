@@ -62,10 +62,11 @@ const REST_STD: &str = "human.rest_pitch_std";
 const WIDTHS: [(&str, &str, f64); 3] = [
     (PITCH[0], "human.stiffness_pitch_std", 0.1),
     (PITCH[1], "human.damping_pitch_std", 0.2),
-    (ROLLING, "mass.rolling_uncertainty", 0.1),
+    (ROLLING, ROLLING_STD, 0.1),
 ];
 const ROLL: [&str; 3] = ["human.stiffness_roll", "human.damping_roll", "human.rest_roll"];
 const ROLLING: &str = "rolling.coefficient";
+const ROLLING_STD: &str = "mass.rolling_uncertainty";
 const EFFICIENCY: &str = "robot.drive_efficiency";
 const ROBOT_MASS: &str = "robot.mass";
 const HUMAN_MASS: &str = "human.nominal_mass";
@@ -76,10 +77,6 @@ const ACCELEROMETER_BIAS: f64 = 0.01;
 
 /// How differently a person sits from one ride to the next, standard deviation in rad: an assumption.
 const SEATING: f64 = 0.015;
-
-/// Standard deviation of a rolling coefficient that is taken as known, relative: floors and tyres of one
-/// kind differ by 10 to 30 %.
-const ROLLING_ERROR: f64 = 0.2;
 
 /// Slope of a floor that is taken as level, rad: buildings keep 5 mm in a metre. It is part of the rolling coefficient.
 const FLOOR_SLOPE: f64 = 0.005;
@@ -492,7 +489,7 @@ fn mass(task: &Task, logs: &Sources, body: &Body, progress: &Progress, session: 
     }
     let parameters = [name, ROLLING, DRAG];
     if !task.wants(ROLLING) {
-        return mass_alone(name, other, &all, task.known.get(ROLLING), session);
+        return mass_alone(name, other, &all, &task.known, session);
     }
     let fit = session.solve(&regression("force balance", sought, all), &parameters)?;
     let Some(fit) = fit else { return Ok(()) };
@@ -517,7 +514,8 @@ fn mass(task: &Task, logs: &Sources, body: &Body, progress: &Progress, session: 
 }
 
 /// `m` with the rolling coefficient known, whose error is considered in the interval without being estimated.
-fn mass_alone(name: &str, other: f64, all: &Rows, rolling: f64, session: &mut Session) -> Result<(), FitError> {
+fn mass_alone(name: &str, other: f64, all: &Rows, known: &Known, session: &mut Session) -> Result<(), FitError> {
+    let rolling = known.get(ROLLING);
     // f M = f (m + other): [f M, m | y] becomes [m | y - f other f-regressor].
     let single = |f: f64| {
         let mut rows = Rows::new("force balance", "N.s", 1);
@@ -540,7 +538,7 @@ fn mass_alone(name: &str, other: f64, all: &Rows, rolling: f64, session: &mut Se
         regression("force balance", vec![Unknown::within("m", 0.0, 1e5)], rows)
     };
     let Some(fit) = session.solve(&single(rolling), &[name])? else { return Ok(()) };
-    let std = ROLLING_ERROR * rolling;
+    let std = known.get(ROLLING_STD) * rolling;
     session.consider(fit, &single(rolling - std), &single(rolling + std))?;
     session.estimate(name, fit, |x| x[0]);
     session.note(format!(
