@@ -48,3 +48,10 @@ def test_a_wrong_wheel_radius_or_more_sensors_make_no_estimate_dishonest(machine
     which = [(ride, settings) for ride in tried for settings in WRONG[machine]]
     wrong = {(ride, str(settings)): dishonest(identify, machine, ride, settings) for ride, settings in which}
     assert {run: names for run, names in wrong.items() if names} == {}
+
+
+@pytest.mark.parametrize("kind", ["basic", "acceleration_input", "gravity_vector"])
+def test_no_kind_of_the_chairs_filter_is_healthy_and_beyond_three_deviations(kind, program):
+    identify = program("identify")
+    of_ride = {ride: dishonest(identify, "wheelchair", ride, {"filter.kind": kind}) for ride in rides(identify, "wheelchair")}
+    assert {ride: wrong for ride, wrong in of_ride.items() if wrong} == {}

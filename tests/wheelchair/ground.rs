@@ -242,10 +242,9 @@ fn table_of_errors_and_of_what_is_healthy_and_beyond_three_deviations() {
                 [s.slope, s.pitch, s.heading, s.speed].map(|score| score.wrong_and_sure).into_iter().fold(0.0, f64::max)
             });
             print!(
-                " {:.1} {:.1} {:.1}, {:.0} {:.0} {:.1} |",
+                " {:.1} {:.1}, {:.0} {:.0} {:.1} |",
                 rms(|s| s.pitch.rms),
                 rms(|s| s.slope.rms),
-                rms(|s| s.heading.rms),
                 mean(|s| s.pitch.within).min(mean(|s| s.slope.within)),
                 mean(|s| s.healthy),
                 100.0 * sure

@@ -46,15 +46,11 @@ pub(super) fn start(parameters: &Parameters) -> Gaussian<15> {
     (std[GX], std[GY], std[WP], std[WR]) = (p.slope_std, p.slope_std, p.slope_rate_std, p.slope_rate_std);
     if parameters.filter.kind != Kind::Basic {
         mean.fixed_rows_mut::<4>(biased_gravity::GYRO_BIAS).copy_from(&SVector::from(biases(p)));
-        let accel = p.accel_bias_std;
-        std.fixed_rows_mut::<4>(biased_gravity::GYRO_BIAS).copy_from(&SVector::from([
-            p.gyro_bias_std,
-            accel,
-            accel,
-            accel,
-        ]));
     }
-    if matches!(parameters.filter.kind, Kind::Bias | Kind::GravityVector) {
+    let accel = p.accel_bias_std;
+    let biases = SVector::from([p.gyro_bias_std, accel, accel, accel]);
+    std.fixed_rows_mut::<4>(biased_gravity::GYRO_BIAS).copy_from(&biases);
+    if parameters.filter.kind != Kind::AccelerationInput {
         std[biased_gravity::FORCE_GAIN] = p.force_gain_std;
         std[biased_gravity::FORCE_OFFSET] = p.force_offset_std;
     }
@@ -89,12 +85,12 @@ fn widen_across(belief: &mut Gaussian<13>, read: [f64; 2], noise: &Noise, gravit
 fn along_contour<const N: usize>(
     belief: &Gaussian<N>,
     read: [f64; 2],
-    start: &InitialParameters,
+    biases: [f64; 2],
     known: f64,
     gravity: f64,
 ) -> f64 {
     let (sa, ca) = belief.mean[model::ALPHA].sin_cos();
-    let along = ca * (read[0] - start.accel_x_bias) - sa * (read[1] - start.accel_y_bias);
+    let along = ca * (read[0] - biases[0]) - sa * (read[1] - biases[1]);
     // NaN vanishes in max
     (along * along - known).max(0.0) / (gravity * gravity)
 }
@@ -106,15 +102,6 @@ fn widen<const N: usize>(belief: &mut Gaussian<N>, tilt: usize, off: f64, known:
         belief.inflate(tilt, (beyond / (gravity * gravity)).min(UNKNOWN_TILT * UNKNOWN_TILT));
     }
     off * off > LEVEL * LEVEL * known
-}
-
-/// Noise of the direction of gravity; what the kind knows exactly does not drift.
-pub(super) fn noise(parameters: &Parameters) -> Noise {
-    let noise = parameters.noise();
-    match parameters.filter.kind {
-        Kind::Basic => Noise { gyro_bias: 0.0, accel_bias: 0.0, force_offset: 0.0, ..noise },
-        Kind::Bias | Kind::AccelerationInput | Kind::GravityVector => noise,
-    }
 }
 
 /// What the biases of the accelerometer along the contour line hide, from what the filter has found for them: the
@@ -173,18 +160,19 @@ impl ChairMachine {
     /// At the first sample, widens the slope by what the forward and leftward specific force, m/s^2, say of it. A chair that
     /// stands on such ground is held by a brake, which nobody reports. `basic`, to which forces are exact, knows no brake.
     pub(super) fn widen_slope(&self, state: &mut State, read: [f64; 2]) {
-        let gravity = self.chair.gravity;
-        let (start, known) = (&self.parameters.initial, self.accel_bias_std().hypot(self.basic.noise.accel).powi(2));
-        match &state.belief {
-            ChairBelief::Basic(belief) => state.watch.begin(along_contour(belief, read, start, known, gravity)),
-            ChairBelief::Biased(belief) => state.watch.begin(along_contour(belief, read, start, known, gravity)),
-            ChairBelief::Gravity(_) => {}
-        }
+        let (gravity, noise, start) = (self.chair.gravity, &self.basic.noise, &self.parameters.initial);
+        let known = self.accel_bias_std().hypot(noise.accel).powi(2);
         state.may_be_braked = match &mut state.belief {
-            ChairBelief::Basic(_) => false,
-            ChairBelief::Biased(belief) => widen_across(belief, read, &self.biased.noise, gravity),
+            ChairBelief::Basic(belief) => {
+                state.watch.begin(along_contour(belief, read, [0.0; 2], known, gravity));
+                false
+            }
+            ChairBelief::Biased(belief) => {
+                let biases = [start.accel_x_bias, start.accel_y_bias];
+                state.watch.begin(along_contour(belief, read, biases, known, gravity));
+                widen_across(belief, read, noise, gravity)
+            }
             ChairBelief::Gravity(belief) => {
-                let noise = &self.gravity.noise;
                 widen_tilt(belief, LEFTWARD, read[1], noise, gravity);
                 widen_tilt(belief, FORWARD, read[0], noise, gravity)
             }
@@ -340,10 +328,12 @@ impl ChairMachine {
         use gravity::{GX, GY, PSI, R, S, V, WP, WR};
         let (p, start) = (&self.parameters.initial, start(&self.parameters));
         let accel_y = biased_gravity::GYRO_BIAS + 2;
-        if pitch_too {
+        if pitch_too || matches!(from, ChairBelief::Basic(_)) {
             for state in biased_gravity::GYRO_BIAS..biased_gravity::MOMENT_OFFSET {
                 belief.reset_state(state, start.mean[state], start.covariance[(state, state)]);
             }
+        }
+        if pitch_too {
             belief.reset_state(GX, 0.0, UNKNOWN_TILT * UNKNOWN_TILT);
             belief.reset_state(WP, 0.0, UNKNOWN_TILT_RATE * UNKNOWN_TILT_RATE);
         } else if improbable {

@@ -64,11 +64,11 @@ crate::variables! {
         accel_bias_std: f64 = 0.1, "m/s2", [1e-9, 10.0];
         /// Standard deviation of the heading at which the encoders read zero. If it is not small use the kind gravity_vector, which needs no heading.
         heading_offset_std: f64 = 1e-6, "rad", [1e-9, 10.0];
-        /// Standard deviation of the drive force's relative error, that of the mass included; 0 = exact. With the kinds bias and gravity_vector.
+        /// Standard deviation of the drive force's relative error, that of the mass included; 0 = exact. With the kinds bias, gravity_vector and (standard deviations only) basic.
         force_gain_std: f64 = 0.1, "1", [0.0, 10.0];
-        /// Standard deviation of an unmodelled force, such as unknown rolling resistance or a push; 0 = none. With the kinds bias and gravity_vector.
+        /// Standard deviation of an unmodelled force, such as unknown rolling resistance or a push; 0 = none. With the kinds bias, gravity_vector and (standard deviations only) basic.
         force_offset_std: f64 = 3.0, "N", [0.0, 1e4];
-        /// Standard deviation of an unmodelled moment, such as hands that steer; 0 = none. Where the heading comes from gravity.
+        /// Standard deviation of an unmodelled moment, such as hands that steer; 0 = none. Where the heading comes from gravity, and in the standard deviations of basic.
         moment_offset_std: f64 = 3.0, "N.m", [0.0, 1e4];
     }
 }

@@ -3,8 +3,8 @@
 use super::attitude::{Attitude, attitude};
 use super::ekf::{Drive, wrap};
 use super::{ChairBelief, ChairMachine, Inputs, Outputs, State};
-use crate::filter::gaussian::Gaussian;
-use crate::model::wheelchair::{self as model, biased_gravity, gravity, pitch};
+use crate::filter::gaussian::{Gaussian, add_square};
+use crate::model::wheelchair::{self as model, Command, biased_gravity, gravity, pitch};
 use crate::variable::Estimate;
 use nalgebra::SVector;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -14,6 +14,9 @@ const FRAC_1_SQRT_3: f64 = 0.577_350_269_189_625_8;
 
 /// Standard deviation of a heading of which nothing is known: that of an even distribution over a turn, rad.
 pub(super) const UNKNOWN_HEADING: f64 = PI * FRAC_1_SQRT_3;
+
+/// A filter that expects less acceleration than this, m^2/s^3 or rad^2/s^3, counts errors of force and moment as if it were this.
+const LEAST_DENSITY: f64 = 1e-9;
 
 /// A slope below this many of its standard deviations may as well be flat.
 const SIGNIFICANT: f64 = 3.0;
@@ -48,7 +51,9 @@ impl ChairMachine {
         match &state.belief {
             ChairBelief::Basic(belief) => {
                 let mean = self.basic.carry_forward(&belief.mean, horizon, &drive);
-                self.report_chair(&mean, &state.watch.brake.with_unknown(belief), state, outputs);
+                let mut belief = state.watch.brake.with_unknown(belief);
+                self.add_errors_of_drive(&mut belief, &drive.command, self.tilt_along_contour(state));
+                self.report_chair(&mean, &belief, state, outputs);
             }
             ChairBelief::Biased(belief) => {
                 let mean = self.biased.carry_forward(&belief.mean, horizon, &drive);
@@ -72,6 +77,28 @@ impl ChairMachine {
         }
         self.count_wheels(state, outputs);
         outputs.standstill = drive.still;
+    }
+
+    /// Adds to a belief that takes force and moment as exact what their errors make of it.
+    ///
+    /// An acceleration `d` that lasts moves the estimates by `P e d/q`: `P e` are the covariances with the speed that it drives,
+    /// `q` is the density of the acceleration that the filter expects there. With `q` in the Riccati equation this makes
+    /// `(F - K H) P e/q + e` zero as far as no state drives that speed. A slope does, in which a force's error ends: `d/g`. What the
+    /// ground may tilt along the contour line (its mean square, rad^2) drives the chair too.
+    fn add_errors_of_drive(&self, belief: &mut Gaussian<6>, reported: &Command, along_contour: f64) {
+        let (p, noise, gravity) = (&self.parameters.initial, &self.basic.noise, self.chair.gravity);
+        let downhill = gravity * belief.mean[model::ALPHA].cos() * along_contour.sqrt();
+        let force = (p.force_gain_std * reported[0]).hypot(p.force_offset_std);
+        let moment = (p.force_gain_std * reported[1]).hypot(p.moment_offset_std);
+        for (rate, error, density) in [
+            (model::V, (force / self.chair.inertial_mass()).hypot(downhill), noise.speed),
+            (model::R, moment / self.chair.inertia_at_axle(), noise.yaw_rate),
+        ] {
+            let moved = belief.covariance.column(rate) * (error / density.max(LEAST_DENSITY));
+            add_square(&mut belief.covariance, 1.0, &moved);
+        }
+        let slope = force / (self.chair.inertial_mass() * gravity);
+        belief.inflate(model::XI, slope * slope);
     }
 
     /// Counts what the encoders cannot tell: errors of the wheels' radius, and the frame that they sit on.
