@@ -489,7 +489,7 @@ fn mass(task: &Task, logs: &Sources, body: &Body, progress: &Progress, session: 
     }
     let parameters = [name, ROLLING, DRAG];
     if !task.wants(ROLLING) {
-        return mass_alone(name, other, &all, &task.known, session);
+        return mass_alone(name, other, &all, task.known, session);
     }
     let fit = session.solve(&regression("force balance", sought, all), &parameters)?;
     let Some(fit) = fit else { return Ok(()) };
