@@ -62,23 +62,20 @@ fn spoilt(log: &Log, rng: &mut ChaCha8Rng) -> Vec<(String, Log)> {
 fn no_message_to_a_user_has_a_word_of_an_optimiser() {
     let mut wrong = Vec::new();
     let mut rng = ChaCha8Rng::seed_from_u64(3);
-    for (vehicle, scenarios) in [
-        (&wheelchair::VEHICLE, ["climb", "identification"]),
-        (&wheel_loader::VEHICLE, ["bumpy-c", "accelerate-brake"]),
-        (&nursing_robot::VEHICLE, ["coughs", "identification"]),
-        (&wheeled_robot::VEHICLE, ["sine", "accelerate-brake"]),
+    for (vehicle, scenario) in [
+        (&wheelchair::VEHICLE, "climb"),
+        (&wheel_loader::VEHICLE, "accelerate-brake"),
+        (&nursing_robot::VEHICLE, "coughs"),
+        (&wheeled_robot::VEHICLE, "sine"),
     ] {
-        for scenario in scenarios {
-            let request = Request { scenario: scenario.to_owned(), seed: 3, ..Request::default() };
-            let Ok(log) = vehicle.simulate(&request) else { continue };
-            for (what, log) in spoilt(&log, &mut rng) {
-                for message in said(vehicle, &log) {
-                    let is =
-                        |word: &str, other: &str| if word.len() > 3 { other.contains(word) } else { other == word };
-                    let found = WORDS.iter().find(|word| words(&message).any(|other| is(word, &other)));
-                    if let Some(word) = found {
-                        wrong.push(format!("{} {scenario}, {what}: \"{word}\" in {message}", vehicle.name));
-                    }
+        let request = Request { scenario: scenario.to_owned(), seed: 3, ..Request::default() };
+        let log = vehicle.simulate(&request).unwrap();
+        for (what, log) in spoilt(&log, &mut rng) {
+            for message in said(vehicle, &log) {
+                let is = |word: &str, other: &str| if word.len() > 3 { other.contains(word) } else { other == word };
+                let found = WORDS.iter().find(|word| words(&message).any(|other| is(word, &other)));
+                if let Some(word) = found {
+                    wrong.push(format!("{} {scenario}, {what}: \"{word}\" in {message}", vehicle.name));
                 }
             }
         }

