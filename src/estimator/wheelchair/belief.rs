@@ -101,6 +101,15 @@ impl ChairBelief {
         }
     }
 
+    /// Variances of distance, m^2, and heading, rad^2.
+    pub(super) fn pose_variances(&self) -> [f64; 2] {
+        match self {
+            Self::Basic(belief) => [model::S, model::ALPHA].map(|state| belief.covariance[(state, state)]),
+            Self::Biased(belief) => [model::S, model::ALPHA].map(|state| belief.covariance[(state, state)]),
+            Self::Gravity(belief) => [gravity::S, gravity::PSI].map(|state| belief.covariance[(state, state)]),
+        }
+    }
+
     /// Tilt of the ground, 1 where the chair stands on end.
     pub(super) fn tilt(&self) -> f64 {
         match self {

@@ -7,7 +7,7 @@ use super::ekf::Noise;
 use super::forms::add_paired_noise;
 use super::held::Held;
 use super::parameters::{InitialParameters, Kind, Model, Parameters};
-use super::{ChairBelief, ChairMachine, State};
+use super::{ChairBelief, ChairMachine, HELD_FORCE, State};
 use crate::filter::gaussian::Gaussian;
 use crate::model::wheelchair::{self as model, biased_gravity, gravity};
 use nalgebra::{SMatrix, SVector};
@@ -27,7 +27,7 @@ const UNKNOWN_POSE: f64 = 0.02;
 const UNKNOWN_SPEED: f64 = 0.2;
 const UNKNOWN_YAW_RATE: f64 = 0.2;
 /// A chair that is faster than this, m/s, is not held by a brake.
-const MOVING: f64 = 0.1;
+pub(super) const MOVING: f64 = 0.1;
 /// Ground is level, as far as the start knows, up to so many standard deviations of the specific force.
 const LEVEL: f64 = 3.0;
 /// Time in which a brake's force changes by as much as it may be, s.
@@ -217,14 +217,36 @@ impl ChairMachine {
             return;
         }
         state.may_be_braked = false;
-        if self.takes_force() {
-            let variance = self.parameters.initial.force_offset_std.powi(2);
-            match &mut state.belief {
-                ChairBelief::Basic(_) => {}
-                ChairBelief::Biased(belief) => belief.reset_state(model::FORCE_OFFSET, 0.0, variance),
-                ChairBelief::Gravity(belief) => belief.reset_state(biased_gravity::FORCE_OFFSET, 0.0, variance),
-            }
+        self.forget_force(&mut state.belief);
+    }
+
+    /// Of the force's errors no more is known than at the start.
+    fn forget_force(&self, belief: &mut ChairBelief) {
+        if !self.takes_force() {
+            return;
         }
+        let variance = self.parameters.initial.force_offset_std.powi(2);
+        match belief {
+            ChairBelief::Basic(_) => {}
+            ChairBelief::Biased(belief) => belief.reset_state(model::FORCE_OFFSET, 0.0, variance),
+            ChairBelief::Gravity(belief) => belief.reset_state(biased_gravity::FORCE_OFFSET, 0.0, variance),
+        }
+    }
+
+    /// A force that nobody samples may be as large as a brake's; once it is sampled again its errors are those of the start.
+    pub(super) fn doubt_held_force(&self, state: &mut State, held: bool, dt: f64) {
+        if held {
+            state.held_for += dt;
+            if state.held_for > HELD_FORCE {
+                let unknown = self.brake_std();
+                self.inflate_force(&mut state.belief, unknown * unknown * dt / BRAKE_TIME);
+            }
+            return;
+        }
+        if state.held_for > HELD_FORCE {
+            self.forget_force(&mut state.belief);
+        }
+        state.held_for = 0.0;
     }
 
     /// Standard deviation of a brake's force, N.

@@ -4,9 +4,10 @@
 //! reference runs check; [`Wheelchair`](super::Wheelchair) puts inputs, standstill and outputs around it.
 
 use super::brake::Brake;
+use super::contour::MOVING;
 use super::outliers::{ACCEL_X, downweight};
 use super::vibration::{LARGEST, LARGEST_DRIVEN};
-use super::watch::{LEFT, Watch};
+use super::watch::{LEFT, TRAVEL, Watch};
 use crate::filter::discretise::{runge_kutta, runge_kutta_from, substeps, transition};
 use crate::filter::ekf::{self, NotPositiveDefinite, Rows};
 use crate::filter::gaussian::Gaussian;
@@ -170,6 +171,14 @@ pub struct Correction {
 const UNKNOWN_RATE: f64 = 2.0;
 /// Standard deviation of the change of the ground's tilt since the chair was last seen, rad.
 const UNKNOWN_TILT: f64 = 0.1;
+/// Travel of the first samples that is so many standard deviations from the expected is that of another speed at the start.
+const FAR: f64 = 4.0;
+
+/// Whether a row is so far from its prediction that something taken as given is not so.
+fn is_far<const N: usize>(rows: &Rows<N, 6>, row: usize, belief: &Gaussian<N>) -> bool {
+    let variance = rows.expected_variance(row, belief) + rows.noise[(row, row)];
+    rows.innovation[row].powi(2) > FAR * FAR * variance
+}
 
 impl<F> ChairEkf<F> {
     /// Time update over `dt > 0` seconds, in equal sub-steps if it is long.
@@ -252,7 +261,7 @@ impl<F> ChairEkf<F> {
     }
 
     /// [`correct`](Self::correct) by a sample that came `dt` seconds after the last one, with a watch over what the filter
-    /// takes as given.
+    /// takes as given: the speed at the start as long as the watch [begins](Watch::begins).
     pub fn correct_watched<const N: usize, const K: usize, const P: usize>(
         &self,
         belief: &mut Gaussian<N>,
@@ -265,12 +274,17 @@ impl<F> ChairEkf<F> {
         F: Form<N, K, P>,
     {
         let mut rows = self.rows(belief, sample, drive);
+        if watch.begins(dt) && rows.used[TRAVEL] && is_far(&rows, TRAVEL, belief) {
+            self.bridge_gap(belief, 0.0);
+            rows = self.rows(belief, sample, drive);
+        }
         let largest = if self.form.takes_acceleration() { LARGEST_DRIVEN } else { LARGEST };
         let gated = self.gate.deviations > 0.0;
         watch.vibration.add(&mut rows, self.noise.accel * self.noise.accel, dt, largest, gated);
         let mut contradicted = false;
         if let Some(alpha) = F::heading_to_contour(&belief.mean) {
-            contradicted = watch.compare_with_contour(alpha, self.chair.gravity, belief, &rows, dt)
+            let moves = !drive.still && belief.mean[F::AT_REST[0]].abs() > MOVING;
+            contradicted = watch.compare_with_contour((alpha, moves), self.chair.gravity, belief, &rows, dt)
                 && rows.used[LEFT]
                 && self.gate.deviations <= 0.0;
             rows.used[LEFT] &= !contradicted;
@@ -353,6 +367,20 @@ impl<F> ChairEkf<F> {
         for state in F::TILT {
             belief.inflate(*state, UNKNOWN_TILT * UNKNOWN_TILT);
         }
+    }
+
+    /// Puts a belief where the encoders see the chair, distance and heading; how it moves is unknown.
+    pub fn start_at<const N: usize, const K: usize, const P: usize>(
+        &self,
+        belief: &mut Gaussian<N>,
+        pose: Option<[f64; 2]>,
+    ) where
+        F: Form<N, K, P>,
+    {
+        for (state, value) in F::POSE.into_iter().zip(pose.into_iter().flatten()) {
+            belief.mean[state] = value;
+        }
+        self.bridge_gap(belief, 0.0);
     }
 
     /// Ends a standstill: the chair may have begun to move before the bands could show it, so speed,

@@ -204,6 +204,12 @@ use wheels::{FrameTurn, Wheels};
 /// ```
 pub type Wheelchair = Sampled<ChairMachine>;
 
+/// How fast a chair may have moved without encoders otherwise than expected, m/s, and turned, rad/s (one standard deviation).
+const UNSEEN_SPEED: f64 = 0.2;
+const UNSEEN_YAW_RATE: f64 = 0.1;
+/// A force that is held for so long is unknown, s.
+const HELD_FORCE: f64 = 0.1;
+
 /// Everything that a step changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
@@ -217,11 +223,15 @@ pub struct State {
     /// The ground has contradicted the initial heading.
     left_contour: bool,
     wheels: Wheels,
+    /// Variances of distance, m^2, and heading, rad^2, where the encoders' zeros were guessed.
+    zeros: [f64; 2],
     frame_turn: FrameTurn,
     rest: Rest,
     standstill: Standstill,
     /// A brake may have held the chair since the start.
     may_be_braked: bool,
+    /// For how long force or moment have not been sampled, s.
+    held_for: f64,
 }
 
 /// The chair's model and filter, under the rules of [`Sampled`].
@@ -270,8 +280,9 @@ impl ChairMachine {
             true => ChairBelief::Gravity(contour::start(&self.parameters)),
             false => self.initial.clone(),
         };
+        let pose = state.wheels.pose(&self.chair);
+        of_kind!(self, &mut state.belief, |filter, belief| filter.start_at(belief, pose));
         state.watch = Watch::default();
-        state.wheels = Wheels::default();
         state.rejections = [0; 6];
     }
 }
@@ -336,6 +347,14 @@ impl ChairMachine {
         );
         status.raise_if(readings.implausible, Status::IMPLAUSIBLE);
         status.raise_if(readings.restarted, Status::RESTARTED);
+        if let Some(unseen) = readings.guessed.filter(|_| state.watch.has_begun()) {
+            let moved = [UNSEEN_SPEED, UNSEEN_YAW_RATE].map(|rate| (rate * unseen).powi(2));
+            for (zero, (known, moved)) in
+                state.zeros.iter_mut().zip(state.belief.pose_variances().into_iter().zip(moved))
+            {
+                *zero += known + moved;
+            }
+        }
         let inertial = [inputs.gyro_pitch, inputs.accel_x, inputs.accel_y, inputs.accel_z];
         let [gyro, accel @ ..]: [f64; 4] = std::array::from_fn(|k| inertial[k] - self.calibration[k]);
         wheels::sample(&self.chair, readings.angles, gyro, accel)
@@ -420,10 +439,12 @@ impl Machine for ChairMachine {
             watch: Watch::default(),
             left_contour: false,
             wheels: Wheels::default(),
+            zeros: [0.0; 2],
             frame_turn: FrameTurn::default(),
             rest: Rest::default(),
             standstill: Standstill::default(),
             may_be_braked: false,
+            held_for: 0.0,
         };
         let bands = &parameters.standstill;
         let machine = Self {
@@ -466,7 +487,7 @@ impl Machine for ChairMachine {
         }
     }
 
-    fn sample(&mut self, state: &mut State, inputs: &Inputs, _: Status, elapsed: Elapsed) -> Outcome {
+    fn sample(&mut self, state: &mut State, inputs: &Inputs, screened: Status, elapsed: Elapsed) -> Outcome {
         let (mut status, dt) = (Status::OK, elapsed.seconds());
         let sample = self.read(state, inputs, dt, &mut status);
         let was_still = state.standstill.is_still();
@@ -478,6 +499,7 @@ impl Machine for ChairMachine {
         }
         self.predict(state, &sample, elapsed, still);
         self.let_brakes_hold(state, dt);
+        self.doubt_held_force(state, screened.contains(Status::HELD_INPUT) || screened.contains(Status::NEVER_SET), dt);
         state.command = [inputs.drive_force, inputs.drive_moment];
         state.accel_x = Some(inputs.accel_x).filter(|a| a.is_finite());
         let gravity = self.held_acceleration(&state.belief);

@@ -101,12 +101,12 @@ impl ChairMachine {
         belief.inflate(model::XI, slope * slope);
     }
 
-    /// Counts what the encoders cannot tell: errors of the wheels' radius, and the frame that they sit on.
+    /// Counts what the encoders cannot tell: errors of the wheels' radius, the frame that they sit on, where their zeros are.
     fn count_wheels(&self, state: &State, outputs: &mut Outputs) {
         let relative = self.parameters.chair.wheel_radius_std;
         for (estimate, frame) in [
             (&mut outputs.speed, state.frame_turn.speed_std(&self.chair)),
-            (&mut outputs.distance, state.frame_turn.distance_std(&self.chair)),
+            (&mut outputs.distance, state.frame_turn.distance_std(&self.chair).hypot(state.zeros[0].sqrt())),
             (&mut outputs.yaw_rate, 0.0),
         ] {
             estimate.std = estimate.std.hypot(frame).hypot(relative * estimate.value);
@@ -136,7 +136,7 @@ impl ChairMachine {
         let (xi, chi) = (x[model::XI].abs(), along_contour.sqrt());
         let steeper = if chi > 0.0 { along_contour / xi.hypot(chi) } else { 0.0 };
         let by_radius = self.parameters.chair.wheel_radius_std * (x[model::ALPHA] - self.chair.heading_reference);
-        let turned_line = chi.atan2(xi).hypot(outputs.heading.std).hypot(by_radius);
+        let turned_line = chi.atan2(xi).hypot(outputs.heading.std).hypot(by_radius).hypot(state.zeros[1].sqrt());
         outputs.heading.std = turned_line.min(UNKNOWN_HEADING.max(outputs.heading.std));
         outputs.slope = Estimate::new(sign * x[model::XI], belief.std(model::XI).hypot(steeper).hypot(held));
         outputs.slope_rate = Estimate::new(sign * x[model::W], belief.std(model::W));

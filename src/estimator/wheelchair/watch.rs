@@ -16,7 +16,8 @@ use serde::{Deserialize, Serialize};
 
 /// Row of the leftward accelerometer.
 pub(super) const LEFT: usize = ACCEL_X + 1;
-/// Rows of heading and gyro.
+/// Rows of distance, heading and gyro.
+pub(super) const TRAVEL: usize = 0;
 pub(super) const HEADING: usize = 1;
 pub(super) const GYRO: usize = 2;
 /// Density of the tilt along the contour line, rad^2/s.
@@ -44,6 +45,8 @@ const SEEN_TILT: f64 = 0.1;
 const START_TIME: f64 = 3.0;
 /// The gyro sees a tilt only while it grows, and a bias that nobody expects stays: they count so many times.
 const CONCLUSIVE: f64 = 3.0;
+/// So long after the first sample, s, the encoders show whether the speed at the start is that of the parameters.
+const SPEED_TIME: f64 = 0.3;
 /// With less of it across the heading the leftward accelerometer says nothing about the contour line.
 const LEAST_SHARE: f64 = 0.2;
 
@@ -99,6 +102,8 @@ pub struct Watch {
     bias_age: f64,
     /// For how long the contour line has been in doubt, s.
     doubt: f64,
+    /// Time since the first sample, s.
+    time: f64,
 }
 
 impl Watch {
@@ -111,6 +116,17 @@ impl Watch {
     /// Takes the mean square tilt along the contour line that the first sample shows beyond biases and noise, rad^2.
     pub fn begin(&mut self, along_contour: f64) {
         self.start = along_contour.min(SEEN_TILT * SEEN_TILT);
+    }
+
+    /// Whether the ride has just begun, `dt` seconds after the last sample.
+    pub fn begins(&mut self, dt: f64) -> bool {
+        self.time += dt;
+        self.time < SPEED_TIME
+    }
+
+    /// Whether there was a sample before.
+    pub fn has_begun(&self) -> bool {
+        self.time > 0.0
     }
 
     /// Whether a sensor contradicts the contour line.
@@ -164,20 +180,23 @@ impl Watch {
 
     /// Clears all doubt.
     pub fn reset(&mut self) {
-        *self = Self { vibration: self.vibration, ..Self::default() };
+        *self = Self { vibration: self.vibration, time: self.time, ..Self::default() };
     }
 
-    /// Compares a sample that came `dt` seconds after the last one with a contour line at the heading `alpha` to it.
+    /// Compares a sample that came `dt` seconds after the last one with a contour line at the heading `alpha` to it. What the first
+    /// sample shows remains in doubt until the chair moves.
     /// Returns whether the leftward accelerometer contradicts it: it must not correct the direction of travel then.
     pub(super) fn compare_with_contour<const N: usize>(
         &mut self,
-        alpha: f64,
+        (alpha, moves): (f64, bool),
         gravity: f64,
         belief: &Gaussian<N>,
         rows: &Rows<N, 6>,
         dt: f64,
     ) -> bool {
-        self.start *= (-dt / START_TIME).exp();
+        if moves {
+            self.start *= (-dt / START_TIME).exp();
+        }
         let share = -alpha.sin();
         if rows.used[LEFT] && share.abs() > LEAST_SHARE {
             let scale = gravity * share;

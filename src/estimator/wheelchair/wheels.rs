@@ -38,6 +38,8 @@ pub struct Readings {
     pub implausible: bool,
     /// A counter had restarted; its zero was moved.
     pub restarted: bool,
+    /// A zero was put where the filter expected it, so long after the last reading, s.
+    pub guessed: Option<f64>,
 }
 
 impl Wheel {
@@ -55,6 +57,7 @@ impl Wheel {
                 Zero::Auto => (reading - expected).abs() > NEAR_ZERO,
             };
             self.zero = if moved { reading - expected } else { 0.0 };
+            readings.guessed = moved.then_some(self.age).or(readings.guessed);
         } else if (reading - self.zero - expected).abs() > step_limit + DRIFT * self.age {
             readings.implausible = true;
             self.implausible += 1;
@@ -62,7 +65,7 @@ impl Wheel {
                 return f64::NAN;
             }
             self.zero = reading - expected;
-            readings.restarted = true;
+            (readings.restarted, readings.guessed) = (true, Some(self.age));
         }
         *self = Self { zero: self.zero, angle: reading - self.zero, age: 0.0, implausible: 0, started: true };
         self.angle
@@ -70,6 +73,15 @@ impl Wheel {
 }
 
 impl Wheels {
+    /// Distance, m, and heading, rad, where both wheels have been read.
+    pub fn pose(&self, chair: &Chair) -> Option<[f64; 2]> {
+        let [right, left] = self.0;
+        (right.started && left.started).then(|| {
+            let (travel, heading) = wheel_travel(chair, right.angle, left.angle);
+            [travel + chair.reference_offset() * (heading - chair.heading_reference), heading]
+        })
+    }
+
     /// Takes the readings right and left, NaN = missing; `speed` and `yaw_rate` are the estimates.
     pub fn read(
         &mut self,
