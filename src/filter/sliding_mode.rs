@@ -102,6 +102,9 @@ pub struct SlidingModeState {
     pub torque_lag: f64,
     /// Last change of speed, rad/s².
     pub acceleration: f64,
+    /// The force that balanced the torque at the last measured speed, and how far it has moved since, N.
+    #[serde(with = "super::array")]
+    pub since: [f64; 2],
     /// Samples without a measured speed since the last one.
     pub stale: u32,
     /// Whether a speed was ever measured.
@@ -121,6 +124,7 @@ impl SlidingMode {
             balanced: [0.0; 2],
             torque_lag: 0.0,
             acceleration: 0.0,
+            since: [0.0; 2],
             stale: 0,
             started: false,
         }
@@ -149,6 +153,7 @@ impl SlidingMode {
     ) -> f64 {
         if !speed.is_finite() {
             state.stale = state.stale.saturating_add(1);
+            state.since[1] = motion.balance(torque) - state.since[0];
             if state.started {
                 state.acceleration = motion.acceleration(torque, state.force);
                 state.speed += dt * state.acceleration;
@@ -169,7 +174,7 @@ impl SlidingMode {
         state.speed += dt * state.acceleration;
         state.nominal += dt * self.nominal_rate * (force - nominal);
         state.force = force;
-        state.stale = 0;
+        (state.since, state.stale) = ([motion.balance(torque), 0.0], 0);
         let kappa = self.layer_gain(state.amplitude);
         if before.2 == 0 {
             // rates of change, seen through a low-pass a quarter as fast as the layer
@@ -210,8 +215,9 @@ impl SlidingMode {
         let torque = motion.balance(known.torque_noise) * through;
         let bias = motion.balance(known.torque_bias);
         let inertia = known.inertia_error * per_acceleration * state.acceleration;
-        // a held force is as wrong as the force may have moved since
-        let held = f64::from(state.stale.min(1_000_000)) * dt * (state.lag * kappa).abs();
+        // a held force is as wrong as the force may have moved since, by itself or with the torque
+        let moved = f64::from(state.stale.min(1_000_000)) * dt * (state.lag * kappa).abs();
+        let held = moved.hypot(state.since[1]);
         let lag = state.swing.max(state.torque_lag.abs());
         (speed * speed + torque * torque + bias * bias + inertia * inertia + lag * lag + held * held).sqrt()
     }

@@ -238,6 +238,9 @@ pub struct State {
     agreement: [Agreement; 2],
     /// Time since the sideslip was lost, s.
     found: f64,
+    /// For how long steering or torques have not been sampled, and the yaw rate neither, s.
+    held_for: f64,
+    blind_for: f64,
     nis: [f64; 4],
     output_error: f64,
 }
@@ -460,6 +463,8 @@ impl Machine for RobotMachine {
             rejections: 0,
             agreement: [Agreement::default(); 2],
             found: LONG_AGO,
+            held_for: 0.0,
+            blind_for: 0.0,
             nis: [0.0; 4],
             output_error: 0.0,
         };
@@ -490,8 +495,12 @@ impl Machine for RobotMachine {
         Rules { sample_period: p.sample_period, longest_gap, limits: Vec::new(), unused }
     }
 
-    fn sample(&mut self, state: &mut State, inputs: &Inputs, _: Status, elapsed: Elapsed) -> Outcome {
+    fn sample(&mut self, state: &mut State, inputs: &Inputs, screened: Status, elapsed: Elapsed) -> Outcome {
         let filter = &self.parameters.filter;
+        let held = screened.contains(Status::HELD_INPUT);
+        let lasts = |before: f64, still: bool| if still { before + elapsed.seconds() } else { 0.0 };
+        state.held_for = lasts(state.held_for, held);
+        state.blind_for = lasts(state.blind_for, held && inputs.gyro_z.is_nan());
         let (steps, h) = self.steps(elapsed);
         let Measured { slopes, readings, reference, drive, driven, z, noise, rolled, gate } =
             self.measure(state, inputs, elapsed);

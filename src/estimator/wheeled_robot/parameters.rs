@@ -149,6 +149,10 @@ variables! {
         accel_x_bias_std: f64 = 0.2, "m/s2", [0.0, 100.0], tunable;
         /// Standard deviation of a constant error of accel_y, of a banked road's share of gravity too, which counts in the estimates' deviations.
         accel_y_bias_std: f64 = 0.2, "m/s2", [0.0, 100.0], tunable;
+        /// Standard deviation of a constant error of gyro_z, which counts in that of the yaw rate.
+        gyro_z_bias_std: f64 = 0.005, "rad/s", [0.0, 10.0], tunable;
+        /// Relative standard deviation of gyro_z's scale, which counts in that of the yaw rate.
+        gyro_z_scale_std: f64 = 0.02, "1", [0.0, 1.0], tunable;
     }
 }
 

@@ -1,5 +1,6 @@
 //! Outputs from the state: the estimates carried forward, and their standard deviations.
 
+use super::start::UNSEEN_ACCELERATION;
 use super::variables::Outputs;
 use super::{RobotMachine, State, UNREACHABLE};
 use crate::filter::gaussian::FactoredGaussian;
@@ -8,6 +9,9 @@ use crate::model::wheeled_robot::{Drive, Motion, Wheels};
 use crate::variable::Estimate;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
+
+/// So long after its last sample, s, an input may have become any.
+const FORGOTTEN: f64 = 0.5;
 
 fn std_along(belief: &FactoredGaussian<3>, gradient: [f64; 3]) -> f64 {
     belief.variance_along(&Vector3::from(gradient)).sqrt()
@@ -46,8 +50,9 @@ impl RobotMachine {
 
         let [vx, vy, r] = x;
         out.speed_x = Estimate::new(vx, belief.std(0).max(state.speed.std()));
-        out.speed_y = Estimate::new(vy, belief.std(1));
-        out.yaw_rate = Estimate::new(r, belief.std(2));
+        let slides = (state.blind_for / FORGOTTEN).min(1.0) * self.unseen_lateral_speed(vx);
+        out.speed_y = Estimate::new(vy, belief.std(1).hypot(slides));
+        out.yaw_rate = Estimate::new(r, belief.std(2).hypot(self.gyro_std(state, r)));
         let square = vx * vx + vy * vy;
         out.sideslip = if square > self.parameters.filter.minimum_speed.powi(2) {
             Estimate::new(vy.atan2(vx), std_along(&belief, [-vy / square, vx / square, 0.0]))
@@ -59,7 +64,11 @@ impl RobotMachine {
         let slopes = self.model.slip_derivatives(&x, &drive);
         // a torque makes its force on the radius
         let by_radius = if forces.by_torque { self.parameters.wheel.radius_std } else { 0.0 };
-        let longitudinal_std: Wheels = std::array::from_fn(|i| forces.force_std[i].hypot(by_radius * forces.force[i]));
+        // torques that nobody samples may have become any that vehicles usually have
+        let held = 0.25 * self.model.vehicle.mass * UNSEEN_ACCELERATION * (state.held_for / FORGOTTEN).min(1.0);
+        let by_held = if forces.by_torque { held } else { 0.0 };
+        let longitudinal_std: Wheels =
+            std::array::from_fn(|i| forces.force_std[i].hypot(by_radius * forces.force[i]).hypot(by_held));
         // an axle's force is that of two wheels
         let unmodelled = 0.5 * self.model.vehicle.mass * state.unmodelled.acceleration_std(self.reach);
         let lateral_std = std::array::from_fn(|i| {
@@ -71,19 +80,28 @@ impl RobotMachine {
         [out.wheel_force_y_fl, out.wheel_force_y_fr, out.wheel_force_y_rl, out.wheel_force_y_rr] =
             estimates(&grip.lateral, &lateral_std);
         [out.wheel_load_fl, out.wheel_load_fr, out.wheel_load_rl, out.wheel_load_rr] =
-            estimates(&grip.load, &self.load_std(&longitudinal_std, &lateral_std));
+            estimates(&grip.load, &self.load_std(&grip.load, &longitudinal_std, &lateral_std));
         [out.nis_accel_x, out.nis_accel_y, out.nis_gyro_z, out.nis_speed] = state.nis;
         out.output_error = state.output_error;
     }
 
-    /// Standard deviations of the wheel loads from those of the forces that shift them, N.
-    fn load_std(&self, longitudinal_std: &Wheels, lateral_std: &Wheels) -> Wheels {
+    /// Standard deviation of the yaw rate beyond the filter's, rad/s: by the gyro's constant errors, and by what vehicles usually do
+    /// where neither gyro nor steering are sampled.
+    fn gyro_std(&self, state: &State, yaw_rate: f64) -> f64 {
+        let imu = &self.parameters.imu;
+        let blind = (state.blind_for / FORGOTTEN).min(1.0) * self.unseen_yaw_rate(state.belief.mean[0]);
+        imu.gyro_z_bias_std.hypot(imu.gyro_z_scale_std * yaw_rate).hypot(blind)
+    }
+
+    /// Standard deviations of these wheel loads from the mass's and from those of the forces that shift them, N.
+    fn load_std(&self, load: &Wheels, longitudinal_std: &Wheels, lateral_std: &Wheels) -> Wheels {
         let vehicle = &self.model.vehicle;
         let sum = |list: &Wheels| list.iter().sum::<f64>() / vehicle.mass;
         // errors of the wheels of one vehicle share their causes, so they are added whole
         let (ax_std, ay_std) = (sum(longitudinal_std), sum(lateral_std));
         let [pitch, front, rear] = vehicle.load_transfer();
         let (pitch, front, rear) = (pitch * ax_std, front * ay_std, rear * ay_std);
-        [pitch.hypot(front), pitch.hypot(front), pitch.hypot(rear), pitch.hypot(rear)]
+        let shifted = [pitch.hypot(front), pitch.hypot(front), pitch.hypot(rear), pitch.hypot(rear)];
+        std::array::from_fn(|i| shifted[i].hypot(vehicle.mass_std * load[i]))
     }
 }

@@ -35,11 +35,21 @@ impl RobotMachine {
 
     /// Motion of which only the speed is known: it goes about straight on, and slides and turns as vehicles do.
     pub(super) fn unseen_motion(&self, speed: f64, speed_std: f64) -> FactoredGaussian<3> {
-        let (initial, fast) = (&self.parameters.initial, self.guarded(speed));
-        let turning = (UNSEEN_CURVATURE / self.model.vehicle.wheelbase() * fast).min(UNSEEN_ACCELERATION / fast);
-        let lateral = initial.speed_y_std.hypot(UNSEEN_SIDESLIP * fast);
+        let (initial, turning) = (&self.parameters.initial, self.unseen_yaw_rate(speed));
+        let lateral = initial.speed_y_std.hypot(self.unseen_lateral_speed(speed));
         let std = Vector3::new(speed_std, lateral, initial.yaw_rate_std.hypot(turning));
         FactoredGaussian::independent(Vector3::new(speed, 0.0, 0.0), &std)
+    }
+
+    /// Standard deviation of the yaw rate of a vehicle at which nobody looks, rad/s.
+    pub(super) fn unseen_yaw_rate(&self, speed: f64) -> f64 {
+        let fast = self.guarded(speed);
+        (UNSEEN_CURVATURE / self.model.vehicle.wheelbase() * fast).min(UNSEEN_ACCELERATION / fast)
+    }
+
+    /// The same of its lateral speed, m/s.
+    pub(super) fn unseen_lateral_speed(&self, speed: f64) -> f64 {
+        UNSEEN_SIDESLIP * self.guarded(speed)
     }
 
     /// Magnitude of a speed, at least the minimum speed, m/s.

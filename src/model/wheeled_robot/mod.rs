@@ -40,6 +40,8 @@ variables! {
         mass: f64 = 60.0, "kg", [0.1, 1e6], essential;
         /// Yaw inertia about the centre of gravity (Iz).
         yaw_inertia: f64 = 7.5, "kg.m2", [1e-4, 1e8], essential;
+        /// Error of the mass over the mass, as by a load (one standard deviation), which counts in the deviations of the wheel loads.
+        mass_std: f64 = 0.05, "1", [0.0, 10.0], tunable;
         /// Error of the yaw inertia over the yaw inertia (one standard deviation), which counts in the estimates' deviations.
         yaw_inertia_std: f64 = 0.2, "1", [0.0, 10.0], tunable;
         /// Distance of the centre of gravity from the front axle (lf).
