@@ -137,6 +137,8 @@ pub struct SeatedBody {
     samples: Vec<f64>,
     /// Whether a wrench is measured that the others already say.
     redundant: bool,
+    /// The base's acceleration is measured.
+    accelerates: bool,
     differentiate: bool,
     differentiator: derivatives::Differentiator,
 }
@@ -268,6 +270,7 @@ impl Machine for SeatedBody {
         let derivatives = differentiator.empty(parameters.differentiate);
         let machine = Self {
             samples: vec![0.0; body.samples()],
+            accelerates: parameters.r#use.base_acceleration,
             redundant: parameters.r#use.seat_wrench,
             body,
             groups,
@@ -314,7 +317,10 @@ impl Machine for SeatedBody {
         status.raise_if(present == 0, Status::NO_MEASUREMENT);
         let posture = Posture { q: &self.q, qd: &self.qd, base_rate: inputs.base_gyro };
         let Ok(of_body) = self.body.step(&posture, &self.samples, true) else { return skipped };
-        state.measured = present > 0;
+        // With neither of them weight and inertia are the prior's, which knows none.
+        let sampled = |values: &[f64]| values.iter().all(|value| value.is_finite());
+        let weighed = self.accelerates && sampled(&inputs.base_accel) || self.redundant && sampled(&inputs.seat);
+        state.measured = present > 0 && weighed;
         self.read(&mut state.outputs);
         status |= of_body;
         status.raise_if(!is_observable(&state.outputs), Status::UNOBSERVABLE);
