@@ -159,6 +159,9 @@ pub struct NursingMachine {
 
 /// Share of its mass by which a person who has been weighed after a stop differs from the one before if it is another.
 const OTHER_PERSON: f64 = 0.05;
+/// What a body that moves does to a robot, m/s2 (one standard deviation): nobody knows it so long after the last speed, s.
+const UNSEEN_ACCELERATION: f64 = 0.25;
+const UNSEEN_TIME: f64 = 0.1;
 /// How fast a speed may change that is not measured, m/s2.
 const UNKNOWN_ACCELERATION: f64 = 5.0;
 
@@ -188,6 +191,14 @@ impl NursingMachine {
                 Estimate::new(state.speed.value, std.min(self.parameters.limit.speed.max(state.speed.std)))
             }
         };
+    }
+
+    /// Standard deviation of the forces of a body that moves without a speed to show it, N.
+    fn unseen_force(&self, state: &State, load: f64) -> f64 {
+        let aged = state.speed.std - self.parameters.sway.measurement_std.speed;
+        let unseen_for = (aged / UNKNOWN_ACCELERATION).max(0.0);
+        let mass = self.parameters.robot.mass + load;
+        mass * UNSEEN_ACCELERATION * (unseen_for / UNSEEN_TIME).min(1.0)
     }
 
     /// Passes a sample on to the sway filter. Returns its innovation and what must be said of it.
@@ -319,7 +330,8 @@ impl Machine for NursingMachine {
                 out.sway_status = sway.status;
                 // A wrong mass makes a force of the acceleration that the filter takes for one of the sway.
                 let unexplained = if mass.rls.valid { out.load_mass.std * mass.regressor.abs() } else { 0.0 };
-                filter.estimate_under(sway, self.net_force(state, inputs), horizon, unexplained)
+                let unseen = self.unseen_force(state, out.load_mass.value);
+                filter.estimate_under(sway, self.net_force(state, inputs), horizon, unexplained.hypot(unseen))
             }
             _ => {
                 out.sway_status = SwayStatus::Off;

@@ -161,6 +161,10 @@ variables! {
         use_tilt: bool = false, "1", essential;
         /// Whether the measured tilt rate is used.
         use_tilt_rate: bool = false, "1", essential;
+        /// Standard deviation of a constant error of the tilt, as of the sensor's mounting, which counts in the estimates' deviations.
+        tilt_bias_std: f64 = 0.01, "rad", [0.0, 1.0], tunable;
+        /// Standard deviation of a constant error of the tilt rate, which counts in that of the pitch rate.
+        tilt_rate_bias_std: f64 = 0.005, "rad/s", [0.0, 10.0], tunable;
         /// Process noise.
         process_psd: ProcessParameters;
         /// Measurement noise.

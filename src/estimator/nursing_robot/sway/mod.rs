@@ -102,6 +102,8 @@ pub struct SwayEstimator {
     mass_bounds: (f64, f64),
     /// How far the posture at rest is unknown, rad.
     rest_std: f64,
+    /// Standard deviations of constant errors of tilt, rad, and tilt rate, rad/s.
+    bias_std: [f64; 2],
     /// Errors of the hip's stiffness and damping, relative.
     passive_std: [f64; 2],
 }
@@ -150,6 +152,7 @@ impl SwayEstimator {
             hold: (s.hold_wheels && !paper).then_some((s.hold_speed, s.hold_time)),
             mass_bounds: (LEAST_MASS.min(p.limit.load_mass), p.limit.load_mass),
             rest_std: p.human.rest_pitch_std,
+            bias_std: [p.sway.tilt_bias_std, p.sway.tilt_rate_bias_std],
             passive_std: [p.human.stiffness_pitch_std, p.human.damping_pitch_std],
         }
     }

@@ -47,10 +47,24 @@ impl SwayEstimator {
         };
         estimate.force.std = estimate.force.std.hypot(unexplained);
         let planar = self.step_of(state, 0.0, 0.0).planar;
-        let moved =
-            if self.use_channel[1] { 0.0 } else { self.widen_motion(state, &planar, unexplained, &mut estimate) };
+        let moved = match self.use_channel[1] {
+            true => self.widen_measured(&mut estimate),
+            false => self.widen_motion(state, &planar, unexplained, &mut estimate),
+        };
         self.widen_torques(state, &planar, moved, &mut estimate);
         estimate
+    }
+
+    /// With a tilt sensor: adds to the deviations what constant errors of the sensors make of them. Returns what it has added to that
+    /// of the motion, rad.
+    fn widen_measured(&self, estimate: &mut SwayEstimate) -> f64 {
+        let [tilt, rate] = self.bias_std;
+        estimate.motion.std = estimate.motion.std.hypot(tilt);
+        estimate.state[1].std = estimate.state[1].std.hypot(tilt);
+        if self.use_channel[2] {
+            estimate.state[2].std = estimate.state[2].std.hypot(rate);
+        }
+        tilt
     }
 
     /// Without a tilt sensor: adds to the deviations of pitch and pitch rate what the wheels do not tell of them. Returns what it
