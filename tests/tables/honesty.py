@@ -160,12 +160,19 @@ def with_truth(estimates, truth):
     return {name: f"true_{name}" for name in names if f"true_{name}" in true_head}
 
 
-def simulated(identify, machine, scenario, seed, settings=None):
-    """Estimates and truth of a simulated log."""
+def simulated(identify, machine, scenario, seed, settings=None, plant=None, change=None):
+    """Estimates and truth of a simulated log, of a plant with these settings, of which `change` may spoil the columns: it takes
+    each row as a dictionary with its time in s."""
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log.csv"
         command = [identify, "simulate", machine, "--scenario", scenario, "--seed", str(seed), "--out", log]
+        for name, value in (plant or {}).items():
+            command += ["--set", f"{name}={value}"]
         subprocess.run(command, check=True, capture_output=True)
+        if change:
+            head, rows = table(log)
+            changed = [change(dict(zip(head, row)), float(row[0])) for row in rows]
+            write(log, {name: [row[name] for row in changed] for name in head})
         return run(identify, machine, log, settings or {}), table(log)
 
 

@@ -354,6 +354,8 @@ impl ChairMachine {
             {
                 *zero += known + moved;
             }
+            // Nor does anybody know how it moves.
+            of_kind!(self, &mut state.belief, |filter, belief| filter.bridge_gap(belief, 0.0));
         }
         let inertial = [inputs.gyro_pitch, inputs.accel_x, inputs.accel_y, inputs.accel_z];
         let [gyro, accel @ ..]: [f64; 4] = std::array::from_fn(|k| inertial[k] - self.calibration[k]);

@@ -2,6 +2,7 @@
 
 use super::ekf::Sample;
 use super::parameters::Zero;
+use crate::filter::bounded;
 use crate::model::wheelchair::{Chair, Output, wheel_travel};
 use serde::{Deserialize, Serialize};
 
@@ -76,10 +77,9 @@ impl Wheels {
     /// Distance, m, and heading, rad, where both wheels have been read.
     pub fn pose(&self, chair: &Chair) -> Option<[f64; 2]> {
         let [right, left] = self.0;
-        (right.started && left.started).then(|| {
-            let (travel, heading) = wheel_travel(chair, right.angle, left.angle);
-            [travel + chair.reference_offset() * (heading - chair.heading_reference), heading]
-        })
+        let (travel, heading) = wheel_travel(chair, right.angle, left.angle);
+        let pose = [travel + chair.reference_offset() * (heading - chair.heading_reference), heading];
+        (right.started && left.started && pose.iter().all(|value| bounded(*value))).then_some(pose)
     }
 
     /// Takes the readings right and left, NaN = missing; `speed` and `yaw_rate` are the estimates.

@@ -10,8 +10,14 @@ use crate::variable::Estimate;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// So long after its last sample, s, an input may have become any.
+/// An input that is sampled more slowly than the others is held for so long, s; half a second later it may be any.
+const HELD: f64 = 0.1;
 const FORGOTTEN: f64 = 0.5;
+
+/// Share of what an input may be of which an input is unknown that was last sampled so long ago, s.
+fn forgotten(age: f64) -> f64 {
+    ((age - HELD) / FORGOTTEN).clamp(0.0, 1.0)
+}
 
 fn std_along(belief: &FactoredGaussian<3>, gradient: [f64; 3]) -> f64 {
     belief.variance_along(&Vector3::from(gradient)).sqrt()
@@ -50,12 +56,13 @@ impl RobotMachine {
 
         let [vx, vy, r] = x;
         out.speed_x = Estimate::new(vx, belief.std(0).max(state.speed.std()));
-        let slides = (state.blind_for / FORGOTTEN).min(1.0) * self.unseen_lateral_speed(vx);
+        let slides = forgotten(state.blind_for) * self.unseen_lateral_speed(vx);
         out.speed_y = Estimate::new(vy, belief.std(1).hypot(slides));
         out.yaw_rate = Estimate::new(r, belief.std(2).hypot(self.gyro_std(state, r)));
         let square = vx * vx + vy * vy;
         out.sideslip = if square > self.parameters.filter.minimum_speed.powi(2) {
-            Estimate::new(vy.atan2(vx), std_along(&belief, [-vy / square, vx / square, 0.0]))
+            let by_motion = std_along(&belief, [-vy / square, vx / square, 0.0]);
+            Estimate::new(vy.atan2(vx), by_motion.hypot(slides * vx / square))
         } else {
             // at rest the direction of motion is anything
             Estimate::new(0.0, PI / 3f64.sqrt())
@@ -65,7 +72,7 @@ impl RobotMachine {
         // a torque makes its force on the radius
         let by_radius = if forces.by_torque { self.parameters.wheel.radius_std } else { 0.0 };
         // torques that nobody samples may have become any that vehicles usually have
-        let held = 0.25 * self.model.vehicle.mass * UNSEEN_ACCELERATION * (state.held_for / FORGOTTEN).min(1.0);
+        let held = 0.25 * self.model.vehicle.mass * UNSEEN_ACCELERATION * forgotten(state.held_for);
         let by_held = if forces.by_torque { held } else { 0.0 };
         let longitudinal_std: Wheels =
             std::array::from_fn(|i| forces.force_std[i].hypot(by_radius * forces.force[i]).hypot(by_held));
@@ -89,7 +96,7 @@ impl RobotMachine {
     /// where neither gyro nor steering are sampled.
     fn gyro_std(&self, state: &State, yaw_rate: f64) -> f64 {
         let imu = &self.parameters.imu;
-        let blind = (state.blind_for / FORGOTTEN).min(1.0) * self.unseen_yaw_rate(state.belief.mean[0]);
+        let blind = forgotten(state.blind_for) * self.unseen_yaw_rate(state.belief.mean[0]);
         imu.gyro_z_bias_std.hypot(imu.gyro_z_scale_std * yaw_rate).hypot(blind)
     }
 
