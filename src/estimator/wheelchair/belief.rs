@@ -110,6 +110,15 @@ impl ChairBelief {
         }
     }
 
+    /// Variance of the force's offset, N^2; 0 where that is no state.
+    pub(super) fn force_variance(&self) -> f64 {
+        match self {
+            Self::Basic(_) => 0.0,
+            Self::Biased(belief) => belief.covariance[(model::FORCE_OFFSET, model::FORCE_OFFSET)],
+            Self::Gravity(belief) => belief.covariance[(biased_gravity::FORCE_OFFSET, biased_gravity::FORCE_OFFSET)],
+        }
+    }
+
     /// Tilt of the ground, 1 where the chair stands on end.
     pub(super) fn tilt(&self) -> f64 {
         match self {

@@ -238,8 +238,8 @@ impl ChairMachine {
         if held {
             state.held_for += dt;
             if state.held_for > HELD_FORCE {
-                let unknown = self.brake_std();
-                self.inflate_force(&mut state.belief, unknown * unknown * dt / BRAKE_TIME);
+                let (unknown, known) = (self.brake_std().powi(2), state.belief.force_variance());
+                self.inflate_force(&mut state.belief, (unknown * dt / BRAKE_TIME).min((unknown - known).max(0.0)));
             }
             return;
         }

@@ -227,7 +227,7 @@ impl<F> ChairEkf<F> {
         }
     }
 
-    /// The mean `horizon` seconds later, the filter untouched.
+    /// The mean `horizon` seconds later, the filter untouched; the mean as it is where it would leave all bounds.
     pub fn carry_forward<const N: usize, const K: usize, const P: usize>(
         &self,
         mean: &SVector<f64, N>,
@@ -242,7 +242,8 @@ impl<F> ChairEkf<F> {
         }
         let steps = substeps(horizon, self.limits.substep);
         let h = horizon / steps as f64;
-        (0..steps).fold(*mean, |x, _| runge_kutta(&x, h, |x| self.form.derivative(&self.chair, x, drive)))
+        let moved = (0..steps).fold(*mean, |x, _| runge_kutta(&x, h, |x| self.form.derivative(&self.chair, x, drive)));
+        if moved.iter().all(|value| value.is_finite()) { moved } else { *mean }
     }
 
     /// Measurement update with the command that acts at the sampling instant.

@@ -281,6 +281,9 @@ impl ChairMachine {
             false => self.initial.clone(),
         };
         let pose = state.wheels.pose(&self.chair);
+        if pose.is_none() {
+            state.wheels = Wheels::default();
+        }
         of_kind!(self, &mut state.belief, |filter, belief| filter.start_at(belief, pose));
         state.watch = Watch::default();
         state.rejections = [0; 6];
