@@ -41,6 +41,12 @@
 //! at once; until the chair moves, force and moment may then be any (`contour.rs`). `basic`, which has no bias
 //! either, says `contradicted` for the first seconds.
 //!
+//! ## Starts
+//! A ride that begins at another speed than `initial.speed` shows in the travel of its first 0.3 s: speed and rates are unknown then,
+//! and the ground is tilted by as much as it may be. So they are after a restart, which keeps the pose that the encoders show, and
+//! where encoders begin late: a zero that is put where the filter expected it counts in `distance_std` and `heading_std`. A force
+//! that is not sampled for a tenth of a second may be as large as a brake's.
+//!
 //! On the plant, 30 s each, four seeds, sensors with biases but for `basic`: root mean square error of pitch and of slope,
 //! mrad; then in per cent the share of both within two standard deviations (the lesser), the share healthy, and the largest
 //! share of any estimate in any run that is healthy and beyond three. `tests/wheelchair/ground.rs` holds the bounds and makes

@@ -53,7 +53,11 @@
 //!   `speed_y_std`, and in `speed_x_std` as far as `r vy` carries the speed on.
 //! - Without `tire.combined` the model lacks what a drive or brake takes from the lateral grip: the slip angle that this costs the
 //!   brush model's tyre counts as an error.
-//! - Without accelerometer and torques the acceleration is unknown: 2 m/s2 (one standard deviation).
+//! - Without accelerometer and torques the acceleration is unknown: 2 m/s2 (one standard deviation). Torques and a steering angle
+//!   that have not been sampled for more than a tenth of a second become as unknown within the half second after it, and so do
+//!   yaw rate and lateral speed where the gyro has no samples either.
+//! - Constant errors of the gyro, 0.005 rad/s and 2 % (`imu.gyro_z_bias_std`, `gyro_z_scale_std`), count in `yaw_rate_std`, the
+//!   mass's, 5 % (`vehicle.mass_std`), in `wheel_load_*_std`.
 //! - A wheel that spins or locks shows in what it gains on the accelerometer within a third of a second: its speed then counts for little
 //!   until it agrees again, `status` has `slip`, and after half a second the speed is unobservable and the estimate not
 //!   healthy. Of two wheels that are far apart the one is taken that is nearer to what is expected; the very same speed of both is
