@@ -161,8 +161,8 @@ def with_truth(estimates, truth):
 
 
 def simulated(identify, machine, scenario, seed, settings=None, plant=None, change=None):
-    """Estimates and truth of a simulated log, of a plant with these settings, of which `change` may spoil the columns: it takes
-    each row as a dictionary with its time in s."""
+    """Estimates and truth of a simulated log, of a plant with these settings, of which `change` may spoil the rows: it takes
+    each as a dictionary with its time in s, and gives none where the row is left out."""
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log.csv"
         command = [identify, "simulate", machine, "--scenario", scenario, "--seed", str(seed), "--out", log]
@@ -171,7 +171,7 @@ def simulated(identify, machine, scenario, seed, settings=None, plant=None, chan
         subprocess.run(command, check=True, capture_output=True)
         if change:
             head, rows = table(log)
-            changed = [change(dict(zip(head, row)), float(row[0])) for row in rows]
+            changed = [row for row in (change(dict(zip(head, row)), float(row[0])) for row in rows) if row]
             write(log, {name: [row[name] for row in changed] for name in head})
         return run(identify, machine, log, settings or {}), table(log)
 
