@@ -26,6 +26,8 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 /// Without anything measured that the filter could use for this long the estimates are not healthy, s.
 pub const LONGEST_SILENCE: f64 = 1.0;
+/// An input that is held for no longer than this is sampled more slowly than the others; then nobody knows it any more, s.
+pub const HELD_BRIEFLY: f64 = 0.1;
 /// As long as never, s.
 const LONG_AGO: f64 = 1e9;
 

@@ -7,7 +7,8 @@ use super::ekf::Noise;
 use super::forms::add_paired_noise;
 use super::held::Held;
 use super::parameters::{InitialParameters, Kind, Model, Parameters};
-use super::{ChairBelief, ChairMachine, HELD_FORCE, State};
+use super::{ChairBelief, ChairMachine, State};
+use crate::estimator::sampled::HELD_BRIEFLY;
 use crate::filter::gaussian::Gaussian;
 use crate::model::wheelchair::{self as model, biased_gravity, gravity};
 use nalgebra::{SMatrix, SVector};
@@ -237,13 +238,13 @@ impl ChairMachine {
     pub(super) fn doubt_held_force(&self, state: &mut State, held: bool, dt: f64) {
         if held {
             state.held_for += dt;
-            if state.held_for > HELD_FORCE {
+            if state.held_for > HELD_BRIEFLY {
                 let (unknown, known) = (self.brake_std().powi(2), state.belief.force_variance());
                 self.inflate_force(&mut state.belief, (unknown * dt / BRAKE_TIME).min((unknown - known).max(0.0)));
             }
             return;
         }
-        if state.held_for > HELD_FORCE {
+        if state.held_for > HELD_BRIEFLY {
             self.forget_force(&mut state.belief);
         }
         state.held_for = 0.0;

@@ -213,8 +213,6 @@ pub type Wheelchair = Sampled<ChairMachine>;
 /// How fast a chair may have moved without encoders otherwise than expected, m/s, and turned, rad/s (one standard deviation).
 const UNSEEN_SPEED: f64 = 0.2;
 const UNSEEN_YAW_RATE: f64 = 0.1;
-/// A force that is held for so long is unknown, s.
-const HELD_FORCE: f64 = 0.1;
 
 /// Everything that a step changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -3,6 +3,7 @@
 use super::start::UNSEEN_ACCELERATION;
 use super::variables::Outputs;
 use super::{RobotMachine, State, UNREACHABLE};
+use crate::estimator::sampled::HELD_BRIEFLY;
 use crate::filter::gaussian::FactoredGaussian;
 use crate::filter::square_root::{absorb, absorb_diagonal};
 use crate::model::wheeled_robot::{Drive, Motion, Wheels};
@@ -10,13 +11,12 @@ use crate::variable::Estimate;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// An input that is sampled more slowly than the others is held for so long, s; half a second later it may be any.
-const HELD: f64 = 0.1;
+/// Time after [`HELD_BRIEFLY`] in which an input that is not sampled may become any, s.
 const FORGOTTEN: f64 = 0.5;
 
-/// Share of what an input may be of which an input is unknown that was last sampled so long ago, s.
+/// How much of what is known of an input is lost so long after its last sample, s: from 0 to 1.
 fn forgotten(age: f64) -> f64 {
-    ((age - HELD) / FORGOTTEN).clamp(0.0, 1.0)
+    ((age - HELD_BRIEFLY) / FORGOTTEN).clamp(0.0, 1.0)
 }
 
 fn std_along(belief: &FactoredGaussian<3>, gradient: [f64; 3]) -> f64 {
@@ -58,7 +58,7 @@ impl RobotMachine {
         out.speed_x = Estimate::new(vx, belief.std(0).max(state.speed.std()));
         let slides = forgotten(state.blind_for) * self.unseen_lateral_speed(vx);
         out.speed_y = Estimate::new(vy, belief.std(1).hypot(slides));
-        out.yaw_rate = Estimate::new(r, belief.std(2).hypot(self.gyro_std(state, r)));
+        out.yaw_rate = Estimate::new(r, belief.std(2).hypot(self.unfiltered_yaw_rate_std(state, r)));
         let square = vx * vx + vy * vy;
         out.sideslip = if square > self.parameters.filter.minimum_speed.powi(2) {
             let by_motion = std_along(&belief, [-vy / square, vx / square, 0.0]);
@@ -94,7 +94,7 @@ impl RobotMachine {
 
     /// Standard deviation of the yaw rate beyond the filter's, rad/s: by the gyro's constant errors, and by what vehicles usually do
     /// where neither gyro nor steering are sampled.
-    fn gyro_std(&self, state: &State, yaw_rate: f64) -> f64 {
+    fn unfiltered_yaw_rate_std(&self, state: &State, yaw_rate: f64) -> f64 {
         let imu = &self.parameters.imu;
         let blind = forgotten(state.blind_for) * self.unseen_yaw_rate(state.belief.mean[0]);
         imu.gyro_z_bias_std.hypot(imu.gyro_z_scale_std * yaw_rate).hypot(blind)
