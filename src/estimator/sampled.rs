@@ -10,6 +10,7 @@
 //! | `dt` beyond [`Rules::longest_gap`] | the machine makes a new start from what it still knows; `bad-step restarted` |
 //! | `measured` input NaN, infinite or out of range | no sample: its channel is left out; `missing`, `infinite`, `implausible` |
 //! | `held` input likewise | the last valid value; `held-input`. Before the first 0, or NaN if it is `optional` |
+//! | a force, torque or steering angle held for longer than [`HELD_BRIEFLY`] | wheelchair and wheeled robot count it as unknown |
 //! | force, moment, torque or held input without any valid value so far | `never-set` |
 //! | input that the parameters switch off | no sample, nothing is said unless it is infinite |
 //! | no measured input has a sample | `no-measurement` |
