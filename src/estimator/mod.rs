@@ -6,6 +6,7 @@
 
 mod finite;
 pub mod human_dynamics;
+pub mod lateness;
 pub mod nursing_robot;
 pub mod one_step;
 pub mod sampled;

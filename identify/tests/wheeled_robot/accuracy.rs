@@ -27,7 +27,8 @@ fn exact(p: &mut Parameters) {
     }
     (p.wheel.radius_std, p.imu.accel_y_bias_std, p.filter.measurement_std.steering_angle_bias) = (0.0, 0.0, 0.0);
     (p.vehicle.yaw_inertia_std, p.vehicle.cg_std, p.imu.accel_x_bias_std) = (0.0, 0.0, 0.0);
-    (p.imu.gyro_z_bias_std, p.imu.gyro_z_scale_std, p.vehicle.mass_std) = (0.0, 0.0, 0.0);
+    (p.imu.gyro_z_bias_std, p.imu.gyro_z_scale_std, p.imu.gyro_z_delay_std) = (0.0, 0.0, 0.0);
+    (p.vehicle.mass_std, p.observer.torque_bias_std) = (0.0, 0.0);
     (p.filter.adaptive, p.filter.gate) = (false, 0.0);
 }
 

@@ -30,7 +30,7 @@ fn request(objective: Objective) -> TuneRequest {
 fn apply(report: Option<&TuneReport>, settings: &[(String, f64)]) -> Parameters {
     let mut p = Parameters::default();
     // The plant's gyro has no constant errors.
-    (p.imu.gyro_z_bias_std, p.imu.gyro_z_scale_std) = (0.0, 0.0);
+    (p.imu.gyro_z_bias_std, p.imu.gyro_z_scale_std, p.imu.gyro_z_delay_std) = (0.0, 0.0, 0.0);
     settings.iter().for_each(|(name, value)| p.set(name, *value).unwrap());
     let tuned = report.map(|report| &report.fit.parameters);
     tuned.into_iter().flatten().for_each(|(name, parameter)| p.set(name, parameter.value).unwrap());

@@ -56,8 +56,10 @@
 //! - Without accelerometer and torques the acceleration is unknown: 2 m/s2 (one standard deviation). Torques and a steering angle
 //!   that have not been sampled for more than a tenth of a second become as unknown within the half second after it, and so do
 //!   yaw rate and lateral speed where the gyro has no samples either.
-//! - Constant errors of the gyro, 0.005 rad/s and 2 % (`imu.gyro_z_bias_std`, `gyro_z_scale_std`), count in `yaw_rate_std`, the
-//!   mass's, 5 % (`vehicle.mass_std`), in `wheel_load_*_std`.
+//! - Constant errors of the gyro, 0.005 rad/s and 2 % (`imu.gyro_z_bias_std`, `gyro_z_scale_std`), and 15 ms by which it may be late
+//!   (`gyro_z_delay_std`; [`lateness`](crate::estimator::lateness)) count in `yaw_rate_std`, those of the torques, 0.15 N.m
+//!   (`observer.torque_bias_std`), in `wheel_force_x_*_std`, the mass's, 5 % (`vehicle.mass_std`), in `wheel_load_*_std`.
+//! - Until a speed has been measured the estimates are not healthy; the first one takes the place of one that is far from it.
 //! - A wheel that spins or locks shows in what it gains on the accelerometer within a third of a second: its speed then counts for little
 //!   until it agrees again, `status` has `slip`, and after half a second the speed is unobservable and the estimate not
 //!   healthy. Of two wheels that are far apart the one is taken that is nearer to what is expected; the very same speed of both is
@@ -154,6 +156,7 @@ pub use parameters::{
 };
 pub use variables::{Inputs, Outputs};
 
+use super::lateness::Lateness;
 use super::one_step::{Belief, OneStepPrediction};
 use super::standstill::Standstill;
 use super::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
@@ -236,6 +239,8 @@ pub struct State {
     speed: SpeedKnowledge,
     slip: Slip,
     unmodelled: Unmodelled,
+    /// Of the yaw rate.
+    lateness: Lateness,
     standstill: Standstill,
     rejections: u32,
     /// Of lateral acceleration and yaw rate, of yaw rate and steering.
@@ -367,7 +372,7 @@ impl RobotMachine {
             .flatten();
         let speed = reference.or(rolled.map(|rolled| rolled.speed));
         if let Some(speed) = speed {
-            self.start_at(&mut state.belief, speed, elapsed);
+            self.start_at(state, speed, elapsed);
         }
 
         let drive = Drive::new(state.steering, state.forces.force);
@@ -463,6 +468,7 @@ impl Machine for RobotMachine {
             speed: SpeedKnowledge::start(&p.filter, p.initial.speed_x_std),
             slip: Slip::default(),
             unmodelled: Unmodelled::default(),
+            lateness: Lateness::default(),
             standstill: Standstill::default(),
             rejections: 0,
             agreement: [Agreement::default(); 2],
@@ -528,6 +534,7 @@ impl Machine for RobotMachine {
         }
         let left = (variance(state, 0) / speed).min(1.0);
         state.unmodelled.push(self.reach, slopes.damping(), state.belief.mean[2], left, dt);
+        state.lateness.follow(state.belief.mean[2], dt);
         status.raise_if(self.keep_within_bounds(state, dt), Status::RESTARTED | Status::AT_BOUND);
         self.compare(state, (&z, &noise), &drive, dt);
         status.raise_if(state.disagrees(), Status::CONTRADICTED);
@@ -592,6 +599,7 @@ impl Machine for RobotMachine {
         let seen = state.noise.is_valid()
             && state.slip.is_valid()
             && state.unmodelled.is_valid()
+            && state.lateness.is_valid()
             && state.agreement.iter().all(Agreement::is_valid);
         if seen { Ok(()) } else { Err(StateError("its noise is not that of any signal")) }
     }

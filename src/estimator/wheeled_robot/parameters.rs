@@ -75,7 +75,7 @@ variables! {
         /// Measurement noise.
         measurement_std: ObserverMeasurementStd;
         /// Standard deviation of a constant error of the torques, which no measurement shows, for wheel_force_x_*_std.
-        torque_bias_std: f64 = 0.0, "N.m", [0.0, 1e6], tunable;
+        torque_bias_std: f64 = 0.15, "N.m", [0.0, 1e6], tunable;
         /// Relative error of the wheel's inertia (one standard deviation), for wheel_force_x_*_std.
         inertia_error: f64 = 0.0, "1", [0.0, 1.0], tunable;
     }
@@ -153,6 +153,8 @@ variables! {
         gyro_z_bias_std: f64 = 0.005, "rad/s", [0.0, 10.0], tunable;
         /// Relative standard deviation of gyro_z's scale, which counts in that of the yaw rate.
         gyro_z_scale_std: f64 = 0.02, "1", [0.0, 1.0], tunable;
+        /// Standard deviation of the time by which the samples of gyro_z come late, which counts in that of the yaw rate.
+        gyro_z_delay_std: f64 = 0.015, "s", [0.0, 1.0], tunable;
     }
 }
 

@@ -92,12 +92,13 @@ impl RobotMachine {
         out.output_error = state.output_error;
     }
 
-    /// Standard deviation of the yaw rate beyond the filter's, rad/s: by the gyro's constant errors, and by what vehicles usually do
+    /// Standard deviation of the yaw rate beyond the filter's, rad/s: by the gyro's errors, and by what vehicles usually do
     /// where neither gyro nor steering are sampled.
     fn unfiltered_yaw_rate_std(&self, state: &State, yaw_rate: f64) -> f64 {
         let imu = &self.parameters.imu;
         let blind = forgotten(state.blind_for) * self.unseen_yaw_rate(state.belief.mean[0]);
-        imu.gyro_z_bias_std.hypot(imu.gyro_z_scale_std * yaw_rate).hypot(blind)
+        let late = state.lateness.std(imu.gyro_z_delay_std);
+        imu.gyro_z_bias_std.hypot(imu.gyro_z_scale_std * yaw_rate).hypot(late).hypot(blind)
     }
 
     /// Standard deviations of these wheel loads from the mass's and from those of the forces that shift them, N.

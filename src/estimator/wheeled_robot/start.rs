@@ -58,10 +58,13 @@ impl RobotMachine {
     }
 
     /// A measured speed takes the place of one that is not known, which would only bend the first samples.
-    pub(super) fn start_at(&self, belief: &mut FactoredGaussian<3>, speed: f64, elapsed: Elapsed) {
-        let std = self.parameters.initial.speed_x_std;
+    pub(super) fn start_at(&self, state: &mut State, speed: f64, elapsed: Elapsed) {
+        let (std, belief) = (self.parameters.initial.speed_x_std, &mut state.belief);
+        let far = (speed - belief.mean[0]).abs() > FAR * std;
         match elapsed {
-            Elapsed::First if (speed - belief.mean[0]).abs() > FAR * std => belief.mean[0] = speed,
+            Elapsed::First if far => belief.mean[0] = speed,
+            // Before it nobody knew how the vehicle moves.
+            Elapsed::Step(_) if far && state.speed.is_from_the_start() => *belief = self.unseen_motion(speed, std),
             Elapsed::Gap(_) => *belief = self.unseen_motion(speed, std),
             Elapsed::First | Elapsed::Step(_) => {}
         }

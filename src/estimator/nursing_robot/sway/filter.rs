@@ -123,6 +123,9 @@ impl SwayEstimator {
         if !belief.is_valid() {
             return None;
         }
+        if N > 2 && self.use_channel[2] {
+            state.lateness.follow(belief.mean[2], step.dt);
+        }
         if (belief.mean[1] - self.human.rest_pitch).abs() > self.pitch_limit {
             *belief = self.relaxed(belief.mean[0], self.initial_std[0]);
             status = SwayStatus::Restarted;

@@ -104,6 +104,8 @@ pub struct SwayEstimator {
     rest_std: f64,
     /// Standard deviations of constant errors of tilt, rad, and tilt rate, rad/s.
     bias_std: [f64; 2],
+    /// Standard deviation of the time by which the two come late, s.
+    delay_std: f64,
     /// Errors of the hip's stiffness and damping, relative.
     passive_std: [f64; 2],
 }
@@ -153,6 +155,7 @@ impl SwayEstimator {
             mass_bounds: (LEAST_MASS.min(p.limit.load_mass), p.limit.load_mass),
             rest_std: p.human.rest_pitch_std,
             bias_std: [p.sway.tilt_bias_std, p.sway.tilt_rate_bias_std],
+            delay_std: p.sway.tilt_delay_std,
             passive_std: [p.human.stiffness_pitch_std, p.human.damping_pitch_std],
         }
     }

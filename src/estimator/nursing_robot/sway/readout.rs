@@ -48,23 +48,32 @@ impl SwayEstimator {
         estimate.force.std = estimate.force.std.hypot(unexplained);
         let planar = self.step_of(state, 0.0, 0.0).planar;
         let moved = match self.use_channel[1] {
-            true => self.widen_measured(&mut estimate),
+            true => self.widen_measured(state, &mut estimate),
             false => self.widen_motion(state, &planar, unexplained, &mut estimate),
         };
         self.widen_torques(state, &planar, moved, &mut estimate);
         estimate
     }
 
-    /// With a tilt sensor: adds to the deviations what constant errors of the sensors make of them. Returns what it has added to that
+    /// With a tilt sensor: adds to the deviations what constant errors and lateness of the sensors make of them. Returns what it has added to that
     /// of the motion, rad.
-    fn widen_measured(&self, estimate: &mut SwayEstimate) -> f64 {
+    fn widen_measured(&self, state: &SwayState, estimate: &mut SwayEstimate) -> f64 {
         let [tilt, rate] = self.bias_std;
+        let tilt = tilt.hypot(self.delay_std * estimate.state[2].value).hypot(self.drift(state, rate));
         estimate.motion.std = estimate.motion.std.hypot(tilt);
         estimate.state[1].std = estimate.state[1].std.hypot(tilt);
         if self.use_channel[2] {
-            estimate.state[2].std = estimate.state[2].std.hypot(rate);
+            let late = state.lateness.std(self.delay_std);
+            estimate.state[2].std = estimate.state[2].std.hypot(rate).hypot(late);
         }
         tilt
+    }
+
+    /// How far a pitch rate that is off by `rate` leads the pitch away before the tilt holds it, rad: the filter, which balances the noise
+    /// of the two, forgets what the rate says in the time in which this adds up to the noise of the tilt.
+    fn drift(&self, state: &SwayState, rate: f64) -> f64 {
+        let [_, of_tilt, of_rate] = state.noise.variance;
+        if self.use_channel[2] { rate * (of_tilt / of_rate).sqrt() } else { 0.0 }
     }
 
     /// Without a tilt sensor: adds to the deviations of pitch and pitch rate what the wheels do not tell of them. Returns what it

@@ -1,6 +1,7 @@
 //! What the sway filter knows.
 
 use super::{Form, SwayEstimator};
+use crate::estimator::lateness::Lateness;
 use crate::estimator::nursing_robot::status::SwayStatus;
 use crate::estimator::standstill::Standstill;
 use crate::filter::adaptation::{MeasurementNoise, ProcessScale, UnmodelledAcceleration};
@@ -41,6 +42,8 @@ pub struct SwayState {
     pub scale: ProcessScale<3>,
     /// What the innovations of the speed say of a force that the filter does not follow yet.
     pub unmodelled: UnmodelledAcceleration,
+    /// Of the pitch rate.
+    pub(super) lateness: Lateness,
     /// What the last step did.
     pub status: SwayStatus,
     /// Load mass of the last step, kg.
@@ -74,7 +77,11 @@ impl SwayState {
             (SwayBelief::Four(belief), Form::SoundTorque) => belief.is_valid(),
             _ => false,
         };
-        belief && self.noise.is_valid() && self.scale.is_valid() && self.unmodelled.is_valid()
+        belief
+            && self.noise.is_valid()
+            && self.scale.is_valid()
+            && self.unmodelled.is_valid()
+            && self.lateness.is_valid()
     }
 }
 
@@ -95,6 +102,7 @@ impl SwayEstimator {
             noise: MeasurementNoise::new(&self.nominal_noise),
             scale: ProcessScale::default(),
             unmodelled: UnmodelledAcceleration::default(),
+            lateness: Lateness::default(),
             status: SwayStatus::Updated,
             mass: self.human.nominal_mass,
             force: None,
