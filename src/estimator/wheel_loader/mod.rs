@@ -33,6 +33,9 @@
 //!   15 % of the slip stiffness and, of a height that was learnt, as much. What is learnt of the delay is remembered for five
 //!   minutes: strong accelerating and braking shows the height after half a minute where no delay is possible, after two minutes
 //!   otherwise. Set `speed_delay` to 0 where the speed is known to be sampled with the wheel speeds.
+//! - A speed over ground of a wrong scale looks like slip, too: by `filter.measurement_std.speed_scale`, half a per cent, `slip_stiffness_std`
+//!   contains it from the start, and where the data speak for more, all standard deviations contain what it makes of the estimates. A speed
+//!   that repeats exactly while the wheels change theirs is an old one and no sample.
 //! - Tyres whose radius and stiffness change with the load are not part of the model. In the ratio of the slips that
 //!   cannot be distinguished from the load share, and the error does not shrink with more data. The reported standard
 //!   deviations contain it (`model_error.*`), the filter's own covariance does not.
@@ -91,6 +94,7 @@ mod noise;
 mod one_step;
 mod parameters;
 mod prediction;
+mod repetition;
 mod report;
 mod speed_evidence;
 mod supervision;
@@ -110,6 +114,7 @@ use bend::{PathWatch, Paths, Seen, SteeringAngle};
 use evidence::{SlipEvidence, SlipLimits};
 use filter::{Channels, LoaderFilter};
 use nalgebra::Vector3;
+use repetition::Repetition;
 use serde::{Deserialize, Serialize};
 use speed_evidence::{SlipSpeed, SpeedEvidence};
 use supervision::{Mode, Supervision};
@@ -175,6 +180,7 @@ pub struct State {
     supervision: Supervision,
     evidence: SlipEvidence,
     speed_evidence: SpeedEvidence,
+    repetition: Repetition,
     steering: SteeringAngle,
     paths: PathWatch,
     kept: Kept,
@@ -268,6 +274,7 @@ impl Machine for LoaderMachine {
             supervision: Supervision::default(),
             evidence: SlipEvidence::default(),
             speed_evidence,
+            repetition: Repetition::default(),
             steering: SteeringAngle::default(),
             paths: PathWatch::default(),
             kept: Kept::new(Learnt { belief: initial, evidence: SlipEvidence::default(), speed_evidence }),
@@ -300,6 +307,7 @@ impl Machine for LoaderMachine {
     fn sample(&mut self, state: &mut State, inputs: &Inputs, screened: Status, elapsed: Elapsed) -> Outcome {
         let mut y = Vector3::new(inputs.speed, inputs.wheel_speed_front, inputs.wheel_speed_rear);
         let (loader, angle) = (&self.filter.map.machine.loader, inputs.steering_angle);
+        state.repetition.screen(&mut y, loader.wheel_radius(), self.slip_speed.std());
         let since = if let Elapsed::Step(dt) = elapsed { Some(dt) } else { None };
         let path_std = state.steering.straighten(loader, angle, self.steering_std, &mut y, since);
         let drive = drive(inputs);
@@ -423,7 +431,12 @@ impl LoaderMachine {
                 Paths::StayApart => status |= self.begin_anew(state),
             }
             late = !state.paths.differs()
-                && state.speed_evidence.update(&self.slip_speed, (radius, &steady, drive), y, dt);
+                && state.speed_evidence.update(
+                    &self.slip_speed,
+                    (radius, &steady, drive),
+                    &state.repetition.given(y),
+                    dt,
+                );
         }
         // By the radii as given: corrected ones come from the same data.
         let slipless = !state.paths.is_bend() && state.evidence.update(&map.machine, drive, y, &self.slip_limits, dt);

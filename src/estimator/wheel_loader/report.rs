@@ -51,7 +51,7 @@ impl LoaderMachine {
         let wheelbase = machine.loader.wheelbase;
         out.cg_to_rear_axle = Estimate::new(out.cg_ratio.value * wheelbase, out.cg_ratio.std * wheelbase);
         let (given, radius) = (map.machine.loader.wheel_radius(), machine.loader.wheel_radius());
-        let radius = |i: usize| Estimate::new(radius[i], given[i] * belief.std(6 + i));
+        let radius = |i: usize| Estimate::new(radius[i], given[i] * belief.std(6 + i).hypot(doubt.radius));
         (out.wheel_radius_front, out.wheel_radius_rear) = (radius(0), radius(1));
         out.speed_estimate = Estimate::new(motion[0], belief.std(0));
         let standing = !state.motion_known || (held && motion[0].abs() < self.hold.resume_speed);

@@ -17,8 +17,9 @@ const WINDOW: f64 = 0.5;
 const CLUSTER: f64 = 2.0;
 /// How often is asked what a delay may have done, s: the filter learns as fast.
 const ASKED: f64 = 0.1;
-/// Standard errors of a verdict.
+/// Standard errors of a verdict, and of what a delay has to show to count in the standard deviations.
 const CONFIDENCE: f64 = 5.0;
+const SEEN: f64 = 4.0;
 /// Delay of the speed that spoils slip, s: at 3 m/s it changes the slip stiffness by its standard deviation.
 const DELAY: f64 = 3e-3;
 /// Largest acceleration that forces, mass and rolling resistance as given leave unexplained, m/s2.
@@ -29,6 +30,11 @@ const SLOPE_KNOWN: f64 = 0.15;
 
 /// Windows for which the noise counts that the sensors are said to have.
 const NOISE_WINDOWS: f64 = 6.0;
+/// A wrong scale has so many times the standard deviation of usual ones. Machines for each one that has it, and the probability from
+/// which on it is expected all the same.
+const WRONG: f64 = 4.0;
+const RIGHT: f64 = 100.0;
+const EXPECTED: f64 = 0.1;
 /// Largest share of the slip that is put down to a delay.
 const LARGEST_SHARE: f64 = 0.9;
 
@@ -45,15 +51,25 @@ pub struct SlipSpeed {
     /// Variances of the delay of a speed that is late and of one that is not, s2.
     delay: f64,
     together: f64,
+    /// Variances of the speed's scale, which looks like an error of both radii: usually, and where it is wrong.
+    scale: f64,
+    scaled: f64,
     /// Variance of one sample, m2/s2.
     noise: f64,
 }
 
 impl SlipSpeed {
+    /// Standard deviation of one sample's slip speed by the sensors' noise, m/s.
+    pub fn std(&self) -> f64 {
+        self.noise.sqrt()
+    }
+
     /// From the parameters.
     pub fn new(p: &Parameters, map: &Map) -> Self {
         let (initial, std, walk) = (&p.initial, &p.filter.measurement_std, &p.filter.process_psd);
         let [front, rear] = p.loader.wheel_radius();
+        // Fixed radii are those of this speed.
+        let scale = if p.filter.radii == Radii::Estimated { std.speed_scale } else { 0.0 };
         let by_logit = map.unit[0] * map.derivative_of(0, initial.slip_stiffness);
         Self {
             stiffness: initial.slip_stiffness,
@@ -64,21 +80,27 @@ impl SlipSpeed {
             delay: std.speed_delay.powi(2),
             // Anywhere within a sample period, before or after.
             together: std.speed_delay.min(p.sample_period / 3f64.sqrt()).powi(2),
+            scale: scale * scale,
+            scaled: (WRONG * scale).powi(2),
             noise: std.speed.powi(2) + 0.25 * (front * front + rear * rear) * std.wheel_speed.powi(2),
         }
     }
 }
 
-/// What a speed that may be late may have done to the estimates.
+/// What a speed that may be late or have a wrong scale may have done to the estimates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Doubt {
     /// How far the slip stiffness may be off, relatively.
     pub stiffness: f64,
+    /// The same by a scale that is usual.
+    pub scale: f64,
+    /// How far the radii may be off, relatively.
+    pub radius: f64,
     /// Specific force at which the slips were seen, on average, m/s2.
     pub specific_force: f64,
 }
 
-/// Two contradictions.
+/// Two contradictions, and a doubt.
 ///
 /// *A late speed.* Slip grows with the torque: the slip speed `e = r w - v` is `v mu/K`. A speed that comes `tau` late
 /// adds `tau v'` to it, which does not grow with the speed. `e = v x/K + v d + tau v'` is linear in `1/K`, the radii's
@@ -89,6 +111,10 @@ pub struct Doubt {
 /// *A slope that gravity does not follow.* Over a second the speed gains what the forces give and the slope takes,
 /// `dv = T (a - kappa g sin alpha)`, with `kappa = 1` if the slope is one. In degrees, per cent or with the other sign it is
 /// not, and what is left is more than mass or rolling resistance can explain.
+///
+/// *A speed of a wrong scale.* It adds `v d` to the slip speed as radii do that are off by `d`, only that `d` is far beyond the
+/// radii's standard deviation, which the filter, sure of them, rather puts into `1/K`. So the same windows are also looked at by
+/// somebody who takes this for possible; as far as they speak for it, the standard deviations contain how far the two are apart.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpeedEvidence {
     /// Time of driving, s.
@@ -97,8 +123,10 @@ pub struct SpeedEvidence {
     /// What the windows before say of the slip speed.
     slips: Slips,
     posterior: Posterior,
+    /// The same where the speed's scale may be wrong.
+    scaled: Posterior,
     late: bool,
-    /// What the delay may have done when that was last asked, which was so long ago, s.
+    /// What delay and scale may have done when that was last asked, which was so long ago, s.
     effect: Effect,
     since: f64,
     /// Weight, sums of gravity `G`, of what the forces leave of `dv/T` `y`, of `G^2`, `G y`, `y^2`.
@@ -130,13 +158,40 @@ struct Posterior {
     windows: f64,
 }
 
-/// What a delay, as far as it is known, makes of the filter's estimates.
+/// What delay and scale, as far as they are known, make of the filter's estimates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Effect {
     /// Root mean square of its part of `1/K`.
     compliance: f64,
     /// Specific force at which the slips were seen, on average, m/s2.
     specific_force: f64,
+    /// Root mean square of the part of a usual scale of `1/K`.
+    by_scale: f64,
+    /// What `1/K` is, by the windows, where they show a delay, and where a wrong scale.
+    if_late: Elsewhere,
+    if_scaled: Elsewhere,
+    /// Mean square of the scale that is wrong.
+    scale: f64,
+}
+
+/// `1/K` by the windows if something is so, and the probability that it is: the filter, which took it for something else, may have
+/// become too sure of that to come back.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Elsewhere {
+    probability: f64,
+    mean: f64,
+    variance: f64,
+}
+
+impl Elsewhere {
+    fn of(posterior: &Posterior, probability: f64) -> Self {
+        Self { probability, mean: posterior.mean[0], variance: posterior.covariance[(0, 0)].max(0.0) }
+    }
+
+    /// Mean square of how far from there a compliance is.
+    fn distance(&self, compliance: f64) -> f64 {
+        self.probability * ((compliance - self.mean).powi(2) + self.variance)
+    }
 }
 
 /// Sums over the present window.
@@ -161,7 +216,8 @@ impl SpeedEvidence {
             time: 0.0,
             window: Window::default(),
             slips: Slips::default(),
-            posterior: Posterior::new(known),
+            posterior: Posterior::new(known, known.radius),
+            scaled: Posterior::new(known, known.radius.max(known.scaled)),
             late: false,
             effect: Effect::default(),
             since: 0.0,
@@ -175,14 +231,24 @@ impl SpeedEvidence {
         self.late || self.sloping
     }
 
-    /// What a delay may have done to an estimate of this slip stiffness that the data and not the initial value have made by
+    /// What delay and scale may have done to an estimate of this slip stiffness that the data and not the initial value have made by
     /// so much.
     ///
     /// The slip, not the stiffness, is off by a Gaussian: two standard deviations of the share make more than twice what one
     /// does of its reciprocal. The stiffness' is half of what they do.
     pub fn doubt(&self, stiffness: f64, learnt: f64) -> Doubt {
-        let share = (2.0 * stiffness * self.effect.compliance).min(LARGEST_SHARE);
-        Doubt { stiffness: learnt * 0.5 * share / (1.0 - share), specific_force: self.effect.specific_force }
+        let Effect { compliance, specific_force, by_scale, if_late, if_scaled, scale } = self.effect;
+        let apart = if_late.distance(1.0 / stiffness) + if_scaled.distance(1.0 / stiffness);
+        let doubted = |compliance: f64| {
+            let share = (2.0 * stiffness * compliance).min(LARGEST_SHARE);
+            learnt * 0.5 * share / (1.0 - share)
+        };
+        Doubt {
+            stiffness: doubted(compliance.hypot(apart.sqrt())),
+            scale: doubted(by_scale),
+            radius: scale.sqrt(),
+            specific_force,
+        }
     }
 
     /// Nothing was measured: the present window begins anew.
@@ -224,14 +290,16 @@ impl SpeedEvidence {
             return false;
         }
         // The filter has learnt from the present window already.
-        let (slips, posterior) = (self.slips.with(&window), self.posterior.with(known, &window));
-        self.effect = slips.effect(known, &posterior);
+        let slips = self.slips.with(&window);
+        let (posterior, scaled) = (self.posterior.with(known, &window), self.scaled.with(known, &window));
+        self.effect = slips.effect(known, &posterior, &scaled);
         self.since = 0.0;
         if !whole {
             return false;
         }
         let before = self.contradicts();
-        (self.window, self.slips, self.posterior) = (Window::default(), slips, posterior);
+        (self.window, self.slips) = (Window::default(), slips);
+        (self.posterior, self.scaled) = (posterior, scaled);
         self.judge_delay();
         self.judge_slope(&window, v);
         self.contradicts() && !before
@@ -297,28 +365,38 @@ impl Slips {
         }
     }
 
-    /// What a delay makes of the filter's estimates, which has none among its unknowns. `posterior`: what these windows and
-    /// those long before say of it.
-    fn effect(&self, known: &SlipSpeed, posterior: &Posterior) -> Effect {
-        let mean_square = posterior.mean_square_delay(known);
+    /// What a delay makes of the filter's estimates, which has none among its unknowns, and a wrong scale. `posterior` and
+    /// `scaled`: what these windows and those long before say, without and with the latter.
+    fn effect(&self, known: &SlipSpeed, posterior: &Posterior, scaled: &Posterior) -> Effect {
         let noise = posterior.noise;
         let (a, b) = (self.normal[(0, 0)] + noise / known.compliance, self.normal[(0, 1)]);
-        let taken = if known.radius > 0.0 {
-            let d = self.normal[(1, 1)] + noise / known.radius;
-            (d * self.normal[(0, 2)] - b * self.normal[(1, 2)]) / (a * d - b * b)
+        // Of a second of delay, and of a scale.
+        let [late, scale] = if known.radius > 0.0 {
+            let prior = noise / known.radius;
+            let d = self.normal[(1, 1)] + prior;
+            let determinant = a * d - b * b;
+            [(d * self.normal[(0, 2)] - b * self.normal[(1, 2)]) / determinant, b * prior / determinant]
         } else {
-            self.normal[(0, 2)] / a
+            [self.normal[(0, 2)] / a, b / a]
         };
         let weight = self.normal[(0, 0)];
         let specific_force = if weight > 0.0 { self.weighted_force / weight } else { 0.0 };
-        Effect { compliance: taken.abs() * mean_square.sqrt(), specific_force }
+        let wrong_scale = scaled.probability_of_wrong_scale(known);
+        Effect {
+            compliance: late.abs() * posterior.mean_square_delay(known).sqrt(),
+            specific_force,
+            by_scale: scale.abs() * scaled.hypotheses(1, [known.scale, known.scaled])[0].1.sqrt(),
+            if_late: Elsewhere::of(posterior, f64::from(u8::from(posterior.shows_delay()))),
+            if_scaled: Elsewhere::of(scaled, wrong_scale),
+            scale: wrong_scale * (scaled.mean[1].powi(2) + scaled.covariance[(1, 1)].max(0.0)),
+        }
     }
 }
 
 impl Posterior {
-    /// Before the first window.
-    fn new(known: &SlipSpeed) -> Self {
-        let variance = Vector3::new(known.compliance, known.radius, known.delay);
+    /// Before the first window, by which the mean of the radii's errors has this variance.
+    fn new(known: &SlipSpeed, radius: f64) -> Self {
+        let variance = Vector3::new(known.compliance, radius, known.delay);
         Self {
             mean: Vector3::new(1.0 / known.stiffness, 0.0, 0.0),
             covariance: Matrix3::from_diagonal(&variance),
@@ -358,21 +436,43 @@ impl Posterior {
 
     /// Mean square of the delay, s2.
     ///
-    /// A speed comes within a sample period of the wheel speeds or it is late, the one as likely as the other. What the windows
-    /// say, the information `j` and `z = j tau`, makes the weight `exp(z^2 v/2)/sqrt(1 + P j)` of a delay whose variance was `P` and
-    /// is `v = P/(1 + P j)`.
+    /// A speed comes within a sample period of the wheel speeds or it is late, the one as likely as the other.
     fn mean_square_delay(&self, known: &SlipSpeed) -> f64 {
-        let (mean, variance) = (self.mean[2], self.covariance[(2, 2)]);
-        if variance <= 0.0 || known.delay <= 0.0 {
+        let [together, late] = self.hypotheses(2, [known.together, known.delay]);
+        let share = 1.0 / (1.0 + (together.0 - late.0).exp());
+        (1.0 - share) * together.1 + share * late.1
+    }
+
+    /// Whether a delay is significant.
+    fn shows_delay(&self) -> bool {
+        self.mean[2].powi(2) > SEEN * SEEN * self.covariance[(2, 2)] && self.covariance[(2, 2)] > 0.0
+    }
+
+    /// Probability that the speed's scale is wrong, where it was said to be one of [`RIGHT`].
+    fn probability_of_wrong_scale(&self, known: &SlipSpeed) -> f64 {
+        if known.scaled <= known.radius {
             return 0.0;
         }
-        let (j, z) = ((1.0 / variance - 1.0 / known.delay).max(0.0), mean / variance);
-        let [together, late] = [known.together, known.delay].map(|before| {
+        let [right, wrong] = self.hypotheses(1, [known.radius, known.scaled]);
+        let probability = 1.0 / (1.0 + RIGHT * (right.0 - wrong.0).exp());
+        if probability > EXPECTED { probability } else { 0.0 }
+    }
+
+    /// Logarithm of the weight and mean square of an unknown if its variance before the first window was the one, or the other, which
+    /// is that of this posterior.
+    ///
+    /// What the windows say, the information `j` and `z = j tau`, makes the weight `exp(z^2 v/2)/sqrt(1 + P j)` of an unknown `tau`
+    /// whose variance was `P` and is `v = P/(1 + P j)`.
+    fn hypotheses(&self, unknown: usize, [one, other]: [f64; 2]) -> [(f64, f64); 2] {
+        let (mean, variance) = (self.mean[unknown], self.covariance[(unknown, unknown)]);
+        if variance <= 0.0 || other <= 0.0 {
+            return [(0.0, 0.0); 2];
+        }
+        let (j, z) = ((1.0 / variance - 1.0 / other).max(0.0), mean / variance);
+        [one, other].map(|before| {
             let spread = 1.0 / (1.0 + before * j);
             let after = before * spread;
             (0.5 * (spread.ln() + z * z * after), after + (after * z).powi(2))
-        });
-        let share = 1.0 / (1.0 + (together.0 - late.0).exp());
-        (1.0 - share) * together.1 + share * late.1
+        })
     }
 }

@@ -34,7 +34,7 @@ impl Uncertainty {
         let (derivative, std) = (map.derivative_of(i, unknowns[i]), belief.std(3 + i));
         let by_filter = derivative * derivative * (std * std);
         let by_delay = match i {
-            0 => doubt.stiffness * unknowns[0],
+            0 => doubt.stiffness.hypot(doubt.scale) * unknowns[0],
             1 => doubt.stiffness * unknowns[1] * self.learnt(1, std),
             _ => self.share_by_delay(map, belief, unknowns, doubt, 0.0),
         };
