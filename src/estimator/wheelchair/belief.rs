@@ -92,6 +92,15 @@ impl ChairBelief {
         }
     }
 
+    /// Rate at which the ground tilts forward, or up the slope where the heading is given, rad/s.
+    pub(super) fn tilt_rate(&self) -> f64 {
+        match self {
+            Self::Basic(belief) => belief.mean[model::W],
+            Self::Biased(belief) => belief.mean[model::W],
+            Self::Gravity(belief) => belief.mean[gravity::WP],
+        }
+    }
+
     /// Variance of the yaw rate, rad^2/s^2.
     pub(super) fn yaw_rate_variance(&self) -> f64 {
         match self {

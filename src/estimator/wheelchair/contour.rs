@@ -17,6 +17,8 @@ use nalgebra::{SMatrix, SVector};
 const PATIENCE: f64 = 1.5;
 /// A bias further from its start than so many of its standard deviations is a tilt of the ground.
 const IMPROBABLE: f64 = 2.5;
+/// A force's offset within so many of its standard deviations is expected.
+const EXPECTED: f64 = 2.0;
 /// A bias is known if less than this share of its standard deviation is left.
 const KNOWN: f64 = 0.5;
 /// Standard deviations of ground whose contour line is unknown, rad, and of its rate, rad/s.
@@ -283,15 +285,22 @@ impl ChairMachine {
         }
     }
 
-    /// Mean square tilt that the ground may have along the contour line, rad^2: what the accelerometer's bias may hide,
-    /// and what the innovations indicate.
+    /// How far the force's offset is beyond what is expected of it, N: along the contour line a tilt looks like it.
+    fn improbable_force(&self, belief: &Gaussian<13>) -> f64 {
+        let (offset, std) = (belief.mean[model::FORCE_OFFSET], self.parameters.initial.force_offset_std);
+        if self.takes_force() { (offset * offset - (EXPECTED * std).powi(2)).max(0.0).sqrt() } else { 0.0 }
+    }
+
+    /// Mean square tilt that the ground may have along the contour line, rad^2: what the accelerometer's bias and the force's
+    /// offset may hide, and what the innovations indicate.
     pub(super) fn tilt_along_contour(&self, state: &State) -> f64 {
         let gravity = self.chair.gravity;
         let (std, share) = hidden(&self.parameters.initial, self.accel_bias_std(), gravity);
         let found = match &state.belief {
             ChairBelief::Biased(belief) => {
                 let ([x, y], (sa, ca)) = (self.found_biases(&state.belief), belief.mean[model::ALPHA].sin_cos());
-                share * (ca * x - sa * y) / gravity
+                let hidden = share * (ca * x - sa * y) / gravity;
+                hidden.hypot(ca * self.improbable_force(belief) / (self.chair.body.mass * gravity))
             }
             // Which line the contour line is shows no better than the slope does.
             ChairBelief::Basic(belief) => belief.std(model::XI),

@@ -7,7 +7,7 @@ use super::brake::Brake;
 use super::contour::MOVING;
 use super::outliers::{ACCEL_X, downweight};
 use super::vibration::{LARGEST, LARGEST_DRIVEN};
-use super::watch::{LEFT, TRAVEL, Watch};
+use super::watch::{HEADING, LEFT, TRAVEL, Watch};
 use crate::filter::discretise::{runge_kutta, runge_kutta_from, substeps, transition};
 use crate::filter::ekf::{self, NotPositiveDefinite, Rows};
 use crate::filter::gaussian::Gaussian;
@@ -262,7 +262,7 @@ impl<F> ChairEkf<F> {
     }
 
     /// [`correct`](Self::correct) by a sample that came `dt` seconds after the last one, with a watch over what the filter
-    /// takes as given: the speed at the start as long as the watch [begins](Watch::begins).
+    /// takes as given: speed and yaw rate at the start as long as the watch [begins](Watch::begins).
     pub fn correct_watched<const N: usize, const K: usize, const P: usize>(
         &self,
         belief: &mut Gaussian<N>,
@@ -275,7 +275,8 @@ impl<F> ChairEkf<F> {
         F: Form<N, K, P>,
     {
         let mut rows = self.rows(belief, sample, drive);
-        if watch.begins(dt) && rows.used[TRAVEL] && is_far(&rows, TRAVEL, belief) {
+        let far = |row: usize| rows.used[row] && is_far(&rows, row, belief);
+        if watch.begins(dt) && (far(TRAVEL) || far(HEADING)) {
             self.bridge_gap(belief, 0.0);
             rows = self.rows(belief, sample, drive);
         }

@@ -101,7 +101,11 @@
 //! Encoders that sit on the frame read the wheels relative to it, `r theta'` more than the axle travels while the frame pitches; those of
 //! the source do not. `speed_std` contains it where the gyro shows a pitch rate, `distance_std` what the frame has turned since the
 //! start. The error of the wheels' radius (`chair.wheel_radius_std`, 0.02 by default) counts in the deviations of speed, distance, yaw
-//! rate, and of a heading that the encoders give.
+//! rate, and of a heading that the encoders give, that of their difference (`wheel_radius_difference_std`, 0.007) in those of yaw rate and
+//! heading. Rolling resistance of which nobody knows takes the force of a slope: `initial.rolling_coefficient_std`, 0.0075, counts in slope
+//! and pitch, and in a heading that gravity gives. Encoders and gyro may be late (`filter.measurement_std.delay`). A reading of an encoder
+//! that repeats exactly while the wheel turns is no sample, for half a second; what stands then has stopped in an instant or is broken, and
+//! `speed_std` contains for some seconds that it may roll on.
 //!
 //! On flat ground nothing measured gives the heading relative to the contour line: it rests on the initial heading and the
 //! encoders, and `status` says `unobservable`. Where the heading comes from gravity it is as good as the leftward
@@ -167,6 +171,7 @@ pub use variables::{Inputs, Outputs};
 pub use vibration::Vibration;
 pub use watch::Watch;
 
+use crate::estimator::lateness::Lateness;
 use crate::estimator::one_step::{Belief, OneStepPrediction};
 use crate::estimator::standstill::Standstill;
 use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
@@ -178,7 +183,7 @@ use ekf::{ChairEkf, Drive, Sample};
 use rest::{Bands, Rest, Signs};
 use serde::{Deserialize, Serialize};
 use watch::{GYRO, HEADING};
-use wheels::{FrameTurn, Wheels};
+use wheels::{FrameTurn, LONGEST_REPEAT, Wheels};
 
 /// The estimator; see the [module](self).
 /// ```
@@ -213,6 +218,8 @@ pub type Wheelchair = Sampled<ChairMachine>;
 /// How fast a chair may have moved without encoders otherwise than expected, m/s, and turned, rad/s (one standard deviation).
 const UNSEEN_SPEED: f64 = 0.2;
 const UNSEEN_YAW_RATE: f64 = 0.1;
+/// Time in which it is forgotten that wheels stopped at once, s: what rolls on although its encoders say nothing any more.
+const FORGETS_STOP: f64 = 3.0;
 
 /// Everything that a step changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -230,6 +237,10 @@ pub struct State {
     /// Variances of distance, m^2, and heading, rad^2, where the encoders' zeros were guessed.
     zeros: [f64; 2],
     frame_turn: FrameTurn,
+    /// Of the rate at which the ground tilts.
+    lateness: Lateness,
+    /// Speed of wheels that were expected to turn and did not, m/s; it fades.
+    stopped: f64,
     rest: Rest,
     standstill: Standstill,
     /// A brake may have held the chair since the start.
@@ -354,8 +365,13 @@ impl ChairMachine {
         );
         status.raise_if(readings.implausible, Status::IMPLAUSIBLE);
         status.raise_if(readings.restarted, Status::RESTARTED);
-        if let Some(unseen) = readings.guessed.filter(|_| state.watch.has_begun()) {
-            let moved = [UNSEEN_SPEED, UNSEEN_YAW_RATE].map(|rate| (rate * unseen).powi(2));
+        state.stopped *= (-dt / FORGETS_STOP).exp();
+        if readings.stopped {
+            state.stopped = state.stopped.max(state.belief.motion().0.abs());
+        }
+        let stood = readings.stopped.then_some(LONGEST_REPEAT);
+        if let Some(unseen) = readings.guessed.or(stood).filter(|_| state.watch.has_begun()) {
+            let moved = [UNSEEN_SPEED.max(state.stopped), UNSEEN_YAW_RATE].map(|rate| (rate * unseen).powi(2));
             for (zero, (known, moved)) in
                 state.zeros.iter_mut().zip(state.belief.pose_variances().into_iter().zip(moved))
             {
@@ -450,6 +466,8 @@ impl Machine for ChairMachine {
             wheels: Wheels::default(),
             zeros: [0.0; 2],
             frame_turn: FrameTurn::default(),
+            lateness: Lateness::default(),
+            stopped: 0.0,
             rest: Rest::default(),
             standstill: Standstill::default(),
             may_be_braked: false,
@@ -535,6 +553,7 @@ impl Machine for ChairMachine {
         self.doubt_contour(state, dt);
         let pitch_rate = sample.values[GYRO] - state.belief.gyro_bias();
         state.frame_turn.watch(pitch_rate, self.basic.noise.gyro, dt);
+        state.lateness.follow(state.belief.tilt_rate(), dt);
         status.raise_if(!state.belief.heading_is_observable(), Status::UNOBSERVABLE);
         Outcome { status: status | outcome.status, ..outcome }
     }
@@ -572,6 +591,10 @@ impl Machine for ChairMachine {
         if !left && std::mem::discriminant(&state.belief) != std::mem::discriminant(&self.initial) {
             return Err(StateError("its filter.kind differs"));
         }
-        if state.belief.is_valid() { Ok(()) } else { Err(StateError("it holds a negative variance")) }
+        if state.belief.is_valid() && state.lateness.is_valid() {
+            Ok(())
+        } else {
+            Err(StateError("it holds a negative variance"))
+        }
     }
 }

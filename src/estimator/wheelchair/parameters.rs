@@ -70,6 +70,8 @@ crate::variables! {
         force_offset_std: f64 = 3.0, "N", [0.0, 1e4];
         /// Standard deviation of an unmodelled moment, such as hands that steer; 0 = none. Where the heading comes from gravity, and in the standard deviations of basic.
         moment_offset_std: f64 = 3.0, "N.m", [0.0, 1e4];
+        /// Standard deviation of rolling.coefficient, which counts in those of slope, pitch and a heading that gravity gives: more rolling resistance takes the drive force that a slope takes.
+        rolling_coefficient_std: f64 = 0.0075, "1", [0.0, 1.0], tunable;
     }
 }
 
@@ -116,6 +118,8 @@ crate::variables! {
         accel: f64 = 0.05, "m/s2", [1e-9, 100.0], tunable, measurement_noise;
         /// Standard deviation of the slope's second derivative, which the accelerometer feels through its lever.
         slope_acceleration: f64 = 1.0, "rad/s2", [0.0, 1e3], tunable, measurement_noise;
+        /// Standard deviation of the time by which the samples of encoders and gyro come late, which counts in the deviations of distance, heading and slope rate.
+        delay: f64 = 0.015, "s", [0.0, 1.0], tunable;
         /// Standard deviation of the speed of a chair that stands still.
         standstill_speed: f64 = 2e-3, "m/s", [1e-9, 1.0], tunable, measurement_noise;
         /// Standard deviation of the yaw rate and the tilt rates of a chair that stands still.

@@ -2,7 +2,7 @@
 
 use super::attitude::{Attitude, attitude};
 use super::ekf::{Drive, wrap};
-use super::{ChairBelief, ChairMachine, Inputs, Outputs, State};
+use super::{ChairBelief, ChairMachine, Inputs, Kind, Outputs, State};
 use crate::filter::gaussian::{Gaussian, add_square};
 use crate::model::wheelchair::{self as model, Command, biased_gravity, gravity, pitch};
 use crate::variable::Estimate;
@@ -57,14 +57,16 @@ impl ChairMachine {
             }
             ChairBelief::Biased(belief) => {
                 let mean = self.biased.carry_forward(&belief.mean, horizon, &drive);
-                let belief = &state.watch.brake.with_unknown(belief);
+                let belief = &mut state.watch.brake.with_unknown(belief);
+                self.add_rolling_error(belief, model::XI, model::GYRO_BIAS + 1, mean[model::ALPHA].sin());
                 self.report_chair(&mean, belief, state, outputs);
                 report_biases(&mean, belief, [model::GYRO_BIAS, model::FORCE_GAIN], outputs);
                 outputs.heading_offset = estimate(&mean, belief, model::HEADING_OFFSET);
             }
             ChairBelief::Gravity(belief) => {
                 let mean = self.gravity.carry_forward(&belief.mean, horizon, &drive);
-                let belief = &state.watch.brake.with_unknown(belief);
+                let belief = &mut state.watch.brake.with_unknown(belief);
+                self.add_rolling_error(belief, gravity::GX, biased_gravity::GYRO_BIAS + 1, 1.0);
                 report_gravity(&mean, belief, outputs);
                 outputs.moment_offset = estimate(&mean, belief, biased_gravity::MOMENT_OFFSET);
                 outputs.heading_from_gravity = true;
@@ -76,6 +78,8 @@ impl ChairMachine {
             }
         }
         self.count_wheels(state, outputs);
+        outputs.slope_rate.std =
+            outputs.slope_rate.std.hypot(state.lateness.std(self.parameters.filter.measurement_std.delay));
         outputs.standstill = drive.still;
     }
 
@@ -88,7 +92,8 @@ impl ChairMachine {
     fn add_errors_of_drive(&self, belief: &mut Gaussian<6>, reported: &Command, along_contour: f64) {
         let (p, noise, gravity) = (&self.parameters.initial, &self.basic.noise, self.chair.gravity);
         let downhill = gravity * belief.mean[model::ALPHA].cos() * along_contour.sqrt();
-        let force = (p.force_gain_std * reported[0]).hypot(p.force_offset_std);
+        let rolling = p.rolling_coefficient_std * self.chair.body.mass * gravity;
+        let force = (p.force_gain_std * reported[0]).hypot(p.force_offset_std).hypot(rolling);
         let moment = (p.force_gain_std * reported[1]).hypot(p.moment_offset_std);
         for (rate, error, density) in [
             (model::V, (force / self.chair.inertial_mass()).hypot(downhill), noise.speed),
@@ -101,13 +106,34 @@ impl ChairMachine {
         belief.inflate(model::XI, slope * slope);
     }
 
-    /// Counts what the encoders cannot tell: errors of the wheels' radius, the frame that they sit on, where their zeros are.
+    /// Adds to a belief what an error of the rolling coefficient makes of it where a force drives the chair: forward it needs the
+    /// force of so much tilt, of which a state has the share `part`, and what the forward accelerometer feels then is taken for its bias.
+    fn add_rolling_error<const N: usize>(&self, belief: &mut Gaussian<N>, tilt: usize, bias: usize, part: f64) {
+        if self.parameters.filter.kind == Kind::AccelerationInput {
+            return;
+        }
+        let error = self.parameters.initial.rolling_coefficient_std;
+        belief.inflate(tilt, (error * part).powi(2));
+        belief.inflate(bias, (error * self.chair.gravity).powi(2));
+    }
+
+    /// Heading per distance that two wheels of different radii make, rad/m (one standard deviation).
+    fn turning(&self) -> f64 {
+        self.parameters.chair.wheel_radius_difference_std / self.chair.body.track()
+    }
+
+    /// Counts what the encoders cannot tell: errors of the wheels' radius, the frame that they sit on, where their zeros are, how late
+    /// they are.
     fn count_wheels(&self, state: &State, outputs: &mut Outputs) {
         let relative = self.parameters.chair.wheel_radius_std;
+        let turning = self.turning() * outputs.speed.value;
+        let delay = self.parameters.filter.measurement_std.delay;
+        let travelled = (delay * outputs.speed.value).hypot(state.zeros[0].sqrt());
+        outputs.heading.std = outputs.heading.std.hypot(delay * outputs.yaw_rate.value);
         for (estimate, frame) in [
-            (&mut outputs.speed, state.frame_turn.speed_std(&self.chair)),
-            (&mut outputs.distance, state.frame_turn.distance_std(&self.chair).hypot(state.zeros[0].sqrt())),
-            (&mut outputs.yaw_rate, 0.0),
+            (&mut outputs.speed, state.frame_turn.speed_std(&self.chair).hypot(state.stopped)),
+            (&mut outputs.distance, state.frame_turn.distance_std(&self.chair).hypot(travelled)),
+            (&mut outputs.yaw_rate, turning),
         ] {
             estimate.std = estimate.std.hypot(frame).hypot(relative * estimate.value);
         }
@@ -136,7 +162,9 @@ impl ChairMachine {
         let (xi, chi) = (x[model::XI].abs(), along_contour.sqrt());
         let steeper = if chi > 0.0 { along_contour / xi.hypot(chi) } else { 0.0 };
         let by_radius = self.parameters.chair.wheel_radius_std * (x[model::ALPHA] - self.chair.heading_reference);
-        let turned_line = chi.atan2(xi).hypot(outputs.heading.std).hypot(by_radius).hypot(state.zeros[1].sqrt());
+        let by_difference = self.turning() * x[model::S];
+        let turned_line =
+            chi.atan2(xi).hypot(outputs.heading.std).hypot(by_radius).hypot(by_difference).hypot(state.zeros[1].sqrt());
         outputs.heading.std = turned_line.min(UNKNOWN_HEADING.max(outputs.heading.std));
         outputs.slope = Estimate::new(sign * x[model::XI], belief.std(model::XI).hypot(steeper).hypot(held));
         outputs.slope_rate = Estimate::new(sign * x[model::W], belief.std(model::W));

@@ -12,6 +12,16 @@ const NEAR_ZERO: f64 = 0.05;
 const DRIFT: f64 = 5.0;
 /// So many implausible readings in a row are a counter that has restarted.
 const PATIENCE: u32 = 10;
+/// A reading that repeats exactly is an old one if the wheel should have turned by this share of the last change since, and by
+/// so much, rad, at no less than so many rad/s: encoders of few steps repeat theirs between two steps.
+const OVERDUE: f64 = 0.7;
+const LEAST_TURN: f64 = 0.01;
+const TURNING: f64 = 0.15;
+/// A wheel whose reading repeats for longer than this stands, whatever is expected of it, s.
+pub(super) const LONGEST_REPEAT: f64 = 0.5;
+
+/// As long as never, s.
+const LONG_AGO: f64 = 1e9;
 
 /// One wheel's counter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -22,6 +32,12 @@ struct Wheel {
     angle: f64,
     /// Time since that angle, s.
     age: f64,
+    /// Last reading, how far it had changed, rad, and for how long it repeats, s.
+    reading: f64,
+    step: f64,
+    repeats_for: f64,
+    /// How far the wheel should have turned meanwhile, rad.
+    overdue: f64,
     implausible: u32,
     started: bool,
 }
@@ -41,6 +57,8 @@ pub struct Readings {
     pub restarted: bool,
     /// A zero was put where the filter expected it, so long after the last reading, s.
     pub guessed: Option<f64>,
+    /// A wheel stands from now on that was expected to turn until now: it was stopped at once, or its encoder says nothing any more.
+    pub stopped: bool,
 }
 
 impl Wheel {
@@ -48,6 +66,9 @@ impl Wheel {
     fn read(&mut self, reading: f64, speed: f64, dt: f64, step_limit: f64, mode: Zero, readings: &mut Readings) -> f64 {
         self.age += dt;
         if !reading.is_finite() {
+            return f64::NAN;
+        }
+        if self.is_old(reading, speed, dt, readings) {
             return f64::NAN;
         }
         let expected = self.angle + speed * self.age;
@@ -68,8 +89,24 @@ impl Wheel {
             self.zero = reading - expected;
             (readings.restarted, readings.guessed) = (true, Some(self.age));
         }
-        *self = Self { zero: self.zero, angle: reading - self.zero, age: 0.0, implausible: 0, started: true };
+        *self = Self { angle: reading - self.zero, age: 0.0, implausible: 0, started: true, ..*self };
         self.angle
+    }
+
+    /// Whether a reading is the last one again of a wheel that turns: an encoder that is read more slowly than the other sensors, or
+    /// frozen.
+    fn is_old(&mut self, reading: f64, speed: f64, dt: f64, readings: &mut Readings) -> bool {
+        if !self.started || reading != self.reading {
+            let step = if self.started { (reading - self.reading).abs() } else { 0.0 };
+            *self = Self { reading, step, repeats_for: 0.0, overdue: 0.0, ..*self };
+            return false;
+        }
+        let before = self.repeats_for;
+        self.repeats_for = (before + dt).min(LONG_AGO);
+        self.overdue = if speed.abs() > TURNING { self.overdue + speed * dt } else { 0.0 };
+        let old = self.overdue.abs() > LEAST_TURN.max(OVERDUE * self.step);
+        readings.stopped |= old && before <= LONGEST_REPEAT && self.repeats_for > LONGEST_REPEAT;
+        old && self.repeats_for <= LONGEST_REPEAT
     }
 }
 

@@ -144,6 +144,8 @@ variables! {
         wheel_radius: f64 = 0.305, "m", [0.01, 2.0], essential;
         /// Error of the wheel radius over the radius (one standard deviation), which counts in the deviations of what the encoders give: speed, distance, yaw rate, heading. Tyres roll on 0.95 to 1 of the radius that they are sold with; 0.005 if it was calibrated over a known distance.
         wheel_radius_std: f64 = 0.02, "1", [0.0, 1.0], tunable;
+        /// Difference of the two wheels' radii over the radius (one standard deviation), which counts in the deviations of yaw rate and heading; 0.001 if straight lines were driven to calibrate it.
+        wheel_radius_difference_std: f64 = 0.007, "1", [0.0, 1.0], tunable;
         /// Distance from the encoder reference point to the right wheel; half the track for the axle's midpoint (r1).
         reference_to_right: f64 = 0.28, "m", [1e-3, 5.0], essential;
         /// Distance from the encoder reference point to the left wheel; half the track for the axle's midpoint (r2).
