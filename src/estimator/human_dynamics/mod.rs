@@ -27,6 +27,9 @@
 //! time makes them smaller. Where a seat's force sensor repeats what body, hands and feet say, `nis` and `healthy` show a person who
 //! is not the table's; what the errors make of the estimates then takes a solution for each of them, three quarters of a step more.
 //!
+//! Without samples of the joint accelerations (or, where these are not used, of the accelerometers on the segments), of the base's
+//! accelerations or of the seat wrench, the prior decides, which knows nothing of a body: the estimates are not healthy then.
+//!
 //! # Noise and defaults
 //! Variances, as in the source, in the square of the unit of what they belong to:
 //! - equations of motion 1e-4 (`variance.equation.*`), all priors 1e4, the seat's wrench 1e6; a hand's force 30 N and
@@ -137,8 +140,10 @@ pub struct SeatedBody {
     samples: Vec<f64>,
     /// Whether a wrench is measured that the others already say.
     redundant: bool,
-    /// The base's acceleration is measured.
+    /// The base's acceleration is measured, the joints' accelerations are, those of accelerometers on the segments.
     accelerates: bool,
+    joints_move: bool,
+    segments_move: bool,
     differentiate: bool,
     differentiator: derivatives::Differentiator,
 }
@@ -271,6 +276,8 @@ impl Machine for SeatedBody {
         let machine = Self {
             samples: vec![0.0; body.samples()],
             accelerates: parameters.r#use.base_acceleration,
+            joints_move: parameters.r#use.joint_acceleration,
+            segments_move: parameters.r#use.imu,
             redundant: parameters.r#use.seat_wrench,
             body,
             groups,
@@ -319,8 +326,15 @@ impl Machine for SeatedBody {
         let Ok(of_body) = self.body.step(&posture, &self.samples, true) else { return skipped };
         // With neither of them weight and inertia are the prior's, which knows none.
         let sampled = |values: &[f64]| values.iter().all(|value| value.is_finite());
-        let weighed = self.accelerates && sampled(&inputs.base_accel) || self.redundant && sampled(&inputs.seat);
-        state.measured = present > 0 && weighed;
+        let weighed = self.accelerates && sampled(&inputs.base_accel) && sampled(&inputs.base_angular_accel)
+            || self.redundant && sampled(&inputs.seat);
+        // Nor does it know how the body moves.
+        let moves = match (self.joints_move, self.segments_move) {
+            (true, _) => sampled(&qdd),
+            (false, true) => inputs.imu.iter().all(|accel| sampled(accel)),
+            (false, false) => false,
+        };
+        state.measured = present > 0 && weighed && moves;
         self.read(&mut state.outputs);
         status |= of_body;
         status.raise_if(!is_observable(&state.outputs), Status::UNOBSERVABLE);
