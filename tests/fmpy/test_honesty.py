@@ -127,7 +127,7 @@ FAULTS = [
     ("gyro off", "wheeled-robot", "sine", {}, {}, off("gyro_z", 0.01)),
     ("gyro late", "wheeled-robot", "sine", {}, {}, late("gyro_z", 3)),
     ("gyro held", "wheeled-robot", "sine", {}, {}, held("gyro_z", 5)),
-    ("torques off", "wheeled-robot", "lane-change", {}, {}, off("drive_torque_*", 0.3)),
+    ("torques off", "wheeled-robot", "lane-change", {}, {}, off("drive_torque_*", 0.1)),
     ("speed scaled", "wheel-loader", "accelerate-brake", {}, {}, scaled("speed", 0.98)),
     ("speed scaled the other way", "wheel-loader", "bumpy-c", {}, {}, scaled("speed", 1.01)),
     ("speed off", "wheel-loader", "accelerate-brake", {}, {}, off("speed", 0.02)),

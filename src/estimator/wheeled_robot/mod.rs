@@ -57,7 +57,7 @@
 //!   that have not been sampled for more than a tenth of a second become as unknown within the half second after it, and so do
 //!   yaw rate and lateral speed where the gyro has no samples either.
 //! - Constant errors of the gyro, 0.005 rad/s and 2 % (`imu.gyro_z_bias_std`, `gyro_z_scale_std`), and 15 ms by which it may be late
-//!   (`gyro_z_delay_std`; [`lateness`](crate::estimator::lateness)) count in `yaw_rate_std`, those of the torques, 0.15 N.m
+//!   (`gyro_z_delay_std`; [`lateness`](crate::estimator::lateness)) count in `yaw_rate_std`, those of the torques, 0.05 N.m
 //!   (`observer.torque_bias_std`), in `wheel_force_x_*_std`, the mass's, 5 % (`vehicle.mass_std`), in `wheel_load_*_std`.
 //! - Until a speed has been measured the estimates are not healthy; the first one takes the place of one that is far from it.
 //! - A wheel that spins or locks shows in what it gains on the accelerometer within a third of a second: its speed then counts for little

@@ -75,7 +75,7 @@ variables! {
         /// Measurement noise.
         measurement_std: ObserverMeasurementStd;
         /// Standard deviation of a constant error of the torques, which no measurement shows, for wheel_force_x_*_std.
-        torque_bias_std: f64 = 0.15, "N.m", [0.0, 1e6], tunable;
+        torque_bias_std: f64 = 0.05, "N.m", [0.0, 1e6], tunable;
         /// Relative error of the wheel's inertia (one standard deviation), for wheel_force_x_*_std.
         inertia_error: f64 = 0.0, "1", [0.0, 1.0], tunable;
     }
