@@ -9,6 +9,7 @@ pub mod human_dynamics;
 pub mod lateness;
 pub mod nursing_robot;
 pub mod one_step;
+pub mod repetition;
 pub mod sampled;
 pub mod standstill;
 pub mod wheel_loader;

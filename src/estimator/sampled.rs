@@ -12,6 +12,7 @@
 //! | `held` input likewise | the last valid value; `held-input`. Before the first 0, or NaN if it is `optional` |
 //! | a force, torque or steering angle held for longer than [`HELD_BRIEFLY`] | wheelchair and wheeled robot count it as unknown |
 //! | force, moment, torque or held input without any valid value so far | `never-set` |
+//! | encoder, speed over ground or gyro that repeats exactly while wheels or steering must have changed it | an old sample is none: `missing` ([`repetition`](super::repetition)) |
 //! | input that the parameters switch off | no sample, nothing is said unless it is infinite |
 //! | no measured input has a sample | `no-measurement` |
 //! | innovations of the last seconds too large | `contradicted`, not healthy: [`NisMonitor`] |

@@ -94,7 +94,6 @@ mod noise;
 mod one_step;
 mod parameters;
 mod prediction;
-mod repetition;
 mod report;
 mod speed_evidence;
 mod supervision;
@@ -106,6 +105,7 @@ pub use parameters::*;
 pub use variables::{Inputs, Outputs};
 
 use super::one_step::{Belief as Smoothed, OneStepPrediction};
+use super::repetition::Repetition;
 use super::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::model::wheel_loader::{Drive, Motion, Steering};
 use crate::{ParameterError, Status};
@@ -114,7 +114,6 @@ use bend::{PathWatch, Paths, Seen, SteeringAngle};
 use evidence::{SlipEvidence, SlipLimits};
 use filter::{Channels, LoaderFilter};
 use nalgebra::Vector3;
-use repetition::Repetition;
 use serde::{Deserialize, Serialize};
 use speed_evidence::{SlipSpeed, SpeedEvidence};
 use supervision::{Mode, Supervision};
@@ -122,6 +121,9 @@ use uncertainty::Uncertainty;
 
 /// A gap longer than this makes the motion begin anew, s.
 const LONGEST_GAP: f64 = 0.5;
+
+/// Standard deviations by which the wheels must have changed their speed since a speed over ground that repeats.
+const MOVED: f64 = 3.0;
 
 /// Time between two beliefs that are kept, so that what was estimated in a bend before it was detected can be discarded, s.
 const KEEP_TIME: f64 = 1.0;
@@ -307,7 +309,14 @@ impl Machine for LoaderMachine {
     fn sample(&mut self, state: &mut State, inputs: &Inputs, screened: Status, elapsed: Elapsed) -> Outcome {
         let mut y = Vector3::new(inputs.speed, inputs.wheel_speed_front, inputs.wheel_speed_rear);
         let (loader, angle) = (&self.filter.map.machine.loader, inputs.steering_angle);
-        state.repetition.screen(&mut y, loader.wheel_radius(), self.slip_speed.std());
+        let mut old = Status::OK;
+        let [front, rear] = loader.wheel_radius();
+        let rims = 0.5 * (front * y[1] + rear * y[2]);
+        // The speed of a machine that stands repeats, whatever its wheels do.
+        if state.repetition.is_old(y[0], rims, MOVED * self.slip_speed.std()) && y[0] != 0.0 {
+            y[0] = f64::NAN;
+            old = Status::MISSING;
+        }
         let since = if let Elapsed::Step(dt) = elapsed { Some(dt) } else { None };
         let path_std = state.steering.straighten(loader, angle, self.steering_std, &mut y, since);
         let drive = drive(inputs);
@@ -320,7 +329,7 @@ impl Machine for LoaderMachine {
             }
             _ => self.begin(state, &y),
         };
-        Outcome { status: outcome.status | self.conditions(state), ..outcome }
+        Outcome { status: outcome.status | old | self.conditions(state), ..outcome }
     }
 
     fn estimates(&self, state: &State, inputs: &Inputs, horizon: f64, outputs: &mut Outputs) {
@@ -430,13 +439,10 @@ impl LoaderMachine {
                 }
                 Paths::StayApart => status |= self.begin_anew(state),
             }
+            // An old speed is a late one, which shows in many together.
+            let given = Vector3::new(state.repetition.old_reading().unwrap_or(y[0]), y[1], y[2]);
             late = !state.paths.differs()
-                && state.speed_evidence.update(
-                    &self.slip_speed,
-                    (radius, &steady, drive),
-                    &state.repetition.given(y),
-                    dt,
-                );
+                && state.speed_evidence.update(&self.slip_speed, (radius, &steady, drive), &given, dt);
         }
         // By the radii as given: corrected ones come from the same data.
         let slipless = !state.paths.is_bend() && state.evidence.update(&map.machine, drive, y, &self.slip_limits, dt);

@@ -364,6 +364,7 @@ impl ChairMachine {
             self.parameters.encoder.zero,
         );
         status.raise_if(readings.implausible, Status::IMPLAUSIBLE);
+        status.raise_if(readings.old, Status::MISSING);
         status.raise_if(readings.restarted, Status::RESTARTED);
         state.stopped *= (-dt / FORGETS_STOP).exp();
         if readings.stopped {

@@ -57,6 +57,8 @@ pub struct Readings {
     pub restarted: bool,
     /// A zero was put where the filter expected it, so long after the last reading, s.
     pub guessed: Option<f64>,
+    /// A reading was an old one and left out.
+    pub old: bool,
     /// A wheel stands from now on that was expected to turn until now: it was stopped at once, or its encoder says nothing any more.
     pub stopped: bool,
 }
@@ -106,7 +108,9 @@ impl Wheel {
         self.overdue = if speed.abs() > TURNING { self.overdue + speed * dt } else { 0.0 };
         let old = self.overdue.abs() > LEAST_TURN.max(OVERDUE * self.step);
         readings.stopped |= old && before <= LONGEST_REPEAT && self.repeats_for > LONGEST_REPEAT;
-        old && self.repeats_for <= LONGEST_REPEAT
+        let left_out = old && self.repeats_for <= LONGEST_REPEAT;
+        readings.old |= left_out;
+        left_out
     }
 }
 

@@ -5,6 +5,7 @@ use super::parameters::Parameters;
 use super::start::UNSEEN_ACCELERATION;
 use super::variables::Inputs;
 use crate::ParameterError;
+use crate::filter::signal_noise::{LONGEST, SignalNoise};
 use crate::filter::sliding_mode::{Adaptation, ForcedMotion, Knowledge, SlidingMode, SlidingModeState};
 use crate::model::wheeled_robot::{Drive, Motion, Wheel, WheeledRobot, Wheels, wheel_torque};
 use serde::{Deserialize, Serialize};
@@ -86,6 +87,8 @@ pub struct WheelForces {
     pub acceleration_std: f64,
     /// Whether they come from torques, else from the acceleration.
     pub by_torque: bool,
+    /// Noise of the wheels' speeds over the declared one.
+    noise: SignalNoise<4>,
 }
 
 /// Settings of the observers.
@@ -93,6 +96,8 @@ pub struct WheelForces {
 pub(super) struct ForceObservers {
     pub observer: SlidingMode,
     knowledge: Knowledge,
+    /// Whether wheel speeds count as noisier than declared while they are.
+    adaptive: bool,
     stop_speed: f64,
     rolling: f64,
     wheel: Wheel,
@@ -126,6 +131,7 @@ impl ForceObservers {
                 torque_bias: o.torque_bias_std,
                 inertia_error: o.inertia_error,
             },
+            adaptive: p.filter.adaptive && p.sample_period <= LONGEST && o.measurement_std.wheel_speed > 0.0,
             stop_speed: o.stop_speed,
             rolling: p.rolling.coefficient * p.wheel.radius,
             wheel: p.wheel.clone(),
@@ -173,6 +179,7 @@ impl ForceObservers {
             force_std: [0.0; 4],
             acceleration_std: 0.0,
             by_torque: false,
+            noise: SignalNoise::default(),
         }
     }
 
@@ -189,6 +196,10 @@ impl ForceObservers {
         if let Some(accel_x) = readings.accel_x {
             let share = (f64::from(steps) * h / ACCELERATION_LAG).min(1.0);
             state.acceleration = Some(state.acceleration.map_or(accel_x, |last| last + share * (accel_x - last)));
+        }
+        if self.adaptive {
+            let speeds = readings.speed.map(|speed| speed.unwrap_or(f64::NAN) / self.knowledge.speed_noise);
+            state.noise.update(&speeds.into(), f64::from(steps) * h);
         }
         state.by_torque = readings.torque_is_known;
         if readings.torque_is_known {
@@ -229,7 +240,9 @@ impl ForceObservers {
             self.observer.step(&self.wheel, observer, f64::NAN, torque, h);
         }
         state.force[i] = self.observer.step(&self.wheel, observer, speed.unwrap_or(f64::NAN), torque, h);
-        state.force_std[i] = self.observer.force_std(&self.wheel, observer, &self.knowledge, h);
+        let speed_noise = self.knowledge.speed_noise * state.noise.inflation(i).sqrt();
+        let known = Knowledge { speed_noise, ..self.knowledge };
+        state.force_std[i] = self.observer.force_std(&self.wheel, observer, &known, h);
     }
 
     /// Without any torque the forces are those that explain the longitudinal acceleration, shared in

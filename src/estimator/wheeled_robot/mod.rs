@@ -60,6 +60,8 @@
 //!   (`gyro_z_delay_std`; [`lateness`](crate::estimator::lateness)) count in `yaw_rate_std`, those of the torques, 0.05 N.m
 //!   (`observer.torque_bias_std`), in `wheel_force_x_*_std`, the mass's, 5 % (`vehicle.mass_std`), in `wheel_load_*_std`.
 //! - Until a speed has been measured the estimates are not healthy; the first one takes the place of one that is far from it.
+//! - A gyro whose reading repeats exactly while the steering asks for another yaw rate has no samples
+//!   ([`repetition`](crate::estimator::repetition)). Wheel speeds count as noisier than declared in the forces' deviations while they are.
 //! - A wheel that spins or locks shows in what it gains on the accelerometer within a third of a second: its speed then counts for little
 //!   until it agrees again, `status` has `slip`, and after half a second the speed is unobservable and the estimate not
 //!   healthy. Of two wheels that are far apart the one is taken that is nearer to what is expected; the very same speed of both is
@@ -158,6 +160,7 @@ pub use variables::{Inputs, Outputs};
 
 use super::lateness::Lateness;
 use super::one_step::{Belief, OneStepPrediction};
+use super::repetition::Repetition;
 use super::standstill::Standstill;
 use super::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::bounded;
@@ -213,6 +216,8 @@ pub type WheeledRobot = Sampled<RobotMachine>;
 const LONGEST_GAP: f64 = 1.0;
 /// Longest step after which the gate judges a sample, s.
 const LONGEST_JUDGED: f64 = 0.1;
+/// Standard deviations by which the steered yaw rate must have changed since a reading of the gyro that repeats.
+const TURNED: f64 = 3.0;
 /// What no vehicle reaches, m/s and rad/s.
 const UNREACHABLE: f64 = 1e4;
 /// Lateral over forward speed, the minimum speed at least, that no vehicle keeps: beyond the peak of the tyres' forces
@@ -241,6 +246,8 @@ pub struct State {
     unmodelled: Unmodelled,
     /// Of the yaw rate.
     lateness: Lateness,
+    /// Of the gyro, beside the steering.
+    repetition: Repetition,
     standstill: Standstill,
     rejections: u32,
     /// Of lateral acceleration and yaw rate, of yaw rate and steering.
@@ -308,6 +315,19 @@ impl RobotMachine {
             state.found = 0.0;
         }
         lost
+    }
+
+    /// Whether the gyro repeats its reading although the vehicle is steered into another yaw rate than when that was new.
+    fn gyro_is_old(&self, state: &mut State, gyro_z: f64, drive: &Drive) -> bool {
+        let p = &self.parameters;
+        let per_angle = state.belief.mean[0] / p.vehicle.wheelbase();
+        let steered = per_angle * drive.steering_sin() / drive.steering_cos().max(0.1);
+        let r = &p.filter.measurement_std;
+        let noise = r
+            .gyro_z
+            .hypot(per_angle * r.steering_angle)
+            .hypot(r.speed * drive.steering_sin().abs() / p.vehicle.wheelbase());
+        state.repetition.is_old(gyro_z, steered, TURNED * noise)
     }
 
     /// Compares the lateral acceleration with the yaw rate, and this with the steering, at the measured speed.
@@ -379,7 +399,8 @@ impl RobotMachine {
         let driven = self.model.driven(&drive);
         // an acceleration that gave the forces is no measurement any more
         let accel_x = readings.accel_x.filter(|_| readings.torque_is_known);
-        let z = Vector4::new(accel_x.unwrap_or(f64::NAN), inputs.accel_y, inputs.gyro_z, speed.unwrap_or(f64::NAN));
+        let gyro_z = if self.gyro_is_old(state, inputs.gyro_z, &drive) { f64::NAN } else { inputs.gyro_z };
+        let z = Vector4::new(accel_x.unwrap_or(f64::NAN), inputs.accel_y, gyro_z, speed.unwrap_or(f64::NAN));
         if self.adapts_noise() {
             let noises = z.component_div(&self.declared_noise());
             state.noise.update(&noises, f64::from(steps) * h);
@@ -469,6 +490,7 @@ impl Machine for RobotMachine {
             slip: Slip::default(),
             unmodelled: Unmodelled::default(),
             lateness: Lateness::default(),
+            repetition: Repetition::default(),
             standstill: Standstill::default(),
             rejections: 0,
             agreement: [Agreement::default(); 2],
@@ -554,6 +576,7 @@ impl Machine for RobotMachine {
         let quiet = self.wheel_speed.all_stand(&readings).or(reference.map(stands));
         status.raise_if(state.standstill.update(quiet, 0.0, dt), Status::STANDSTILL);
         status.raise_if(innovation.any_rejected(), Status::GATED);
+        status.raise_if(state.repetition.old_reading().is_some(), Status::MISSING);
         status.raise_if(state.grip.load.iter().any(|load| *load <= 0.0), Status::LIFT_OFF);
         status.raise_if(!rolls || self.wheel_speed.any_slips(&readings, &driven, &x), Status::SLIP);
         status.raise_if(state.speed.is_unobservable(), Status::UNOBSERVABLE);
@@ -600,6 +623,7 @@ impl Machine for RobotMachine {
             && state.slip.is_valid()
             && state.unmodelled.is_valid()
             && state.lateness.is_valid()
+            && state.repetition.is_valid()
             && state.agreement.iter().all(Agreement::is_valid);
         if seen { Ok(()) } else { Err(StateError("its noise is not that of any signal")) }
     }
