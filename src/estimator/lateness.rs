@@ -1,13 +1,13 @@
 //! What a sensor whose samples come late, or are held between slower ones, leaves out of an estimate that follows it.
 //!
-//! A signal `x` that comes `tau` late is off by `tau x'`. Its first-order low-pass `s` with the time constant [`TIME`] lags by as
-//! much as a signal that comes `TIME` late, without a derivative that would show noise: `x - s = TIME x'` for what changes more
+//! A signal `x` that comes `tau` late is off by `tau x'`. Its first-order low-pass `s` with the time constant `T` lags by as
+//! much as a signal that comes `T` late, without a derivative that would show noise: `x - s = T x'` for what changes more
 //! slowly than that. The largest of late counts, so that nothing is sure of itself where the signal turns back and `x' = 0`.
 
 use crate::filter::bounded;
 use serde::{Deserialize, Serialize};
 
-/// Time constant of the low-pass, s.
+/// Time constant `T` of the low-pass, s.
 const TIME: f64 = 0.05;
 /// Time in which a change fades, s: bodies and vehicles swing with a period of one to two.
 const FADES: f64 = 0.75;
