@@ -31,7 +31,7 @@ pub const LONGEST_SILENCE: f64 = 1.0;
 /// An input that is held for no longer than this is sampled more slowly than the others; then nobody knows it any more, s.
 pub const HELD_BRIEFLY: f64 = 0.1;
 /// As long as never, s.
-const LONG_AGO: f64 = 1e9;
+pub const LONG_AGO: f64 = 1e9;
 
 crate::variables! {
     /// What every estimator says about its last sample.

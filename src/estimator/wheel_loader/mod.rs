@@ -366,6 +366,9 @@ impl Machine for LoaderMachine {
         if !self.filter.radii && state.belief.factor.fixed_rows::<2>(6).amax() > 0.0 {
             return Err(StateError("it estimates the radii and this estimator does not"));
         }
+        if !state.repetition.is_valid() {
+            return Err(StateError("its speed is not that of any machine"));
+        }
         Ok(())
     }
 }

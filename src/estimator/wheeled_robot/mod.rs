@@ -161,6 +161,7 @@ pub use variables::{Inputs, Outputs};
 use super::lateness::Lateness;
 use super::one_step::{Belief, OneStepPrediction};
 use super::repetition::Repetition;
+use super::sampled::LONG_AGO;
 use super::standstill::Standstill;
 use super::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::bounded;
@@ -225,8 +226,6 @@ const UNREACHABLE: f64 = 1e4;
 const LOST: f64 = 2.0;
 /// So long after the sideslip was lost nothing is sure of it, s.
 const LOST_TIME: f64 = 1.0;
-/// As long as never, s.
-const LONG_AGO: f64 = 1e9;
 
 /// Everything that a step changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -317,12 +316,17 @@ impl RobotMachine {
         lost
     }
 
+    /// Yaw rate per angle, 1/s, and yaw rate, rad/s, to which the steering turns a vehicle of this speed whose wheels do not slip.
+    fn steered_yaw_rate(&self, speed: f64, drive: &Drive) -> (f64, f64) {
+        let per_angle = speed / self.parameters.vehicle.wheelbase();
+        (per_angle, per_angle * drive.steering_sin() / drive.steering_cos().max(0.1))
+    }
+
     /// Whether the gyro repeats its reading although the vehicle is steered into another yaw rate than when that was new.
     fn gyro_is_old(&self, state: &mut State, gyro_z: f64, drive: &Drive) -> bool {
         let p = &self.parameters;
-        let per_angle = state.belief.mean[0] / p.vehicle.wheelbase();
-        let steered = per_angle * drive.steering_sin() / drive.steering_cos().max(0.1);
         let r = &p.filter.measurement_std;
+        let (per_angle, steered) = self.steered_yaw_rate(state.belief.mean[0], drive);
         let noise = r
             .gyro_z
             .hypot(per_angle * r.steering_angle)
@@ -338,9 +342,9 @@ impl RobotMachine {
         let turning = (gyro_z * speed, gyro_z_std * speed);
         let [acceleration, steering] = &mut state.agreement;
         acceleration.update(&ACCELERATION, turning, (accel_y, accel_y_std), p.imu.accel_y_bias_std, dt);
-        let per_angle = speed / p.vehicle.wheelbase();
+        let (per_angle, steered) = self.steered_yaw_rate(speed, drive);
         let r = &p.filter.measurement_std;
-        let steered = (per_angle * drive.steering_sin() / drive.steering_cos().max(0.1), per_angle * r.steering_angle);
+        let steered = (steered, per_angle * r.steering_angle);
         let bias = (per_angle * r.steering_angle_bias).abs();
         steering.update(&STEERING, steered, (gyro_z, gyro_z_std), bias, dt);
     }

@@ -21,6 +21,7 @@
 //! Beyond [`CHANCE`] deviations the wheels' speed counts as wrong by what they have gained, until it agrees again with what the
 //! vehicle can have done meanwhile.
 
+use crate::estimator::sampled::LONG_AGO;
 use crate::filter::bounded;
 use serde::{Deserialize, Serialize};
 
@@ -34,8 +35,6 @@ const SUSPECT: f64 = 2.0;
 const CORRELATED: f64 = 1.0;
 /// Wheels that have neither gained nor lost for so long roll: a twentieth is left of such an error, s.
 const CALM: f64 = 3.0 * CORRELATED;
-/// As long as never, s.
-const LONG_AGO: f64 = 1e9;
 
 /// What is remembered of the wheels' slip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -4,14 +4,13 @@
 //! does not always notice.
 
 use super::parameters::{Channels, Filter};
+use crate::estimator::sampled::LONG_AGO;
 use serde::{Deserialize, Serialize};
 
 /// Time over which steering and turning are remembered, and after which a measured speed is an old one, s.
 const MEMORY: f64 = 0.5;
 /// Root mean square of the sine of the steering angle and of the yaw rate (rad/s) beyond which they show the speed.
 const SHOWS_SPEED: [f64; 2] = [0.02, 0.05];
-/// Age of a speed that was never measured, s.
-const NEVER: f64 = 1e9;
 /// Largest standard deviation that is reported, m/s.
 const LARGEST_STD: f64 = 200.0;
 
@@ -47,17 +46,17 @@ pub(super) fn is_measured(filter: &Filter) -> bool {
 impl SpeedKnowledge {
     /// Before the first sample.
     pub fn start(filter: &Filter, std: f64) -> Self {
-        Self { activity: [0.0; 2], std, age: NEVER, unobservable: !is_measured(filter) }
+        Self { activity: [0.0; 2], std, age: LONG_AGO, unobservable: !is_measured(filter) }
     }
 
     /// Whether no speed was ever measured.
     pub fn is_from_the_start(&self) -> bool {
-        self.age >= NEVER
+        self.age >= LONG_AGO
     }
 
     /// After a gap of so many seconds at whose end the speed has this standard deviation.
     pub fn reset(&mut self, std: f64, gap: f64) {
-        *self = Self { activity: [0.0; 2], std, age: (self.age + gap).min(NEVER), ..*self };
+        *self = Self { activity: [0.0; 2], std, age: (self.age + gap).min(LONG_AGO), ..*self };
     }
 
     /// Standard deviation that the speed has at least, m/s.
@@ -76,7 +75,7 @@ impl SpeedKnowledge {
         for (mean, turning) in self.activity.iter_mut().zip(evidence.turning) {
             *mean += share * (turning * turning - *mean);
         }
-        self.age = if evidence.measured { 0.0 } else { (self.age + dt).min(NEVER) };
+        self.age = if evidence.measured { 0.0 } else { (self.age + dt).min(LONG_AGO) };
         let shown = self.activity.iter().zip(SHOWS_SPEED).all(|(mean, least)| *mean > least * least);
         let seen = evidence.measured || (shown && evidence.speed.abs() > filter.minimum_speed);
         if seen {
