@@ -2,6 +2,7 @@
 
 use super::ekf::Sample;
 use super::parameters::Zero;
+use crate::estimator::sampled::LONG_AGO;
 use crate::filter::bounded;
 use crate::model::wheelchair::{Chair, Output, wheel_travel};
 use serde::{Deserialize, Serialize};
@@ -19,9 +20,6 @@ const LEAST_TURN: f64 = 0.01;
 const TURNING: f64 = 0.15;
 /// A wheel whose reading repeats for longer than this stands, whatever is expected of it, s.
 pub(super) const LONGEST_REPEAT: f64 = 0.5;
-
-/// As long as never, s.
-const LONG_AGO: f64 = 1e9;
 
 /// One wheel's counter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -199,5 +197,39 @@ pub fn sample(chair: &Chair, [right, left]: [f64; 2], gyro: f64, accel: [f64; 3]
             Sample { values: inertial(radius * left, f64::NAN), single_wheel: Some(-chair.body.reference_to_left) }
         }
         (false, false) => inertial(f64::NAN, f64::NAN).into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What becomes of the readings of a wheel that is expected to turn at `speed`, every 10 ms: of each whether it was left out, and
+    /// how often the wheel was taken to have stopped.
+    fn read(readings: impl Iterator<Item = f64>, speed: f64) -> (Vec<bool>, usize) {
+        let (mut wheel, mut stops) = (Wheel::default(), 0);
+        let left_out = readings.map(|reading| {
+            let mut result = Readings::default();
+            let angle = wheel.read(reading, speed, 0.01, 0.5, Zero::Absolute, &mut result);
+            stops += usize::from(result.stopped);
+            angle.is_nan()
+        });
+        (left_out.collect(), stops)
+    }
+
+    #[test]
+    fn a_reading_that_repeats_while_the_wheel_turns_is_left_out_for_half_a_second() {
+        // turns at 1.6 rad/s for a second, then the same angle again
+        let (left_out, stops) = read((0..200).map(|k| 0.016 * f64::from(k.min(100))), 1.6);
+        assert!(left_out[..101].iter().all(|out| !out) && left_out[101..150].iter().all(|out| *out));
+        assert!(left_out[152..].iter().all(|out| !out) && stops == 1);
+    }
+
+    #[test]
+    fn what_stands_or_counts_few_steps_repeats_its_readings() {
+        assert_eq!(read((0..200).map(|_| 1.0), 0.0), (vec![false; 200], 0));
+        // a hundred steps a turn at 1 rad/s: six samples a step
+        let (left_out, stops) = read((0..600).map(|k| 0.063 * (0.01 * f64::from(k) / 0.063).floor()), 1.0);
+        assert!(left_out.iter().filter(|out| **out).count() < 300 && stops == 0);
     }
 }
