@@ -27,7 +27,7 @@ impl Lateness {
         self.smoothed = value - ahead * (-dt / TIME).exp();
     }
 
-    /// Standard deviation of the signal where its samples are so late, s (one standard deviation).
+    /// Standard deviation of the signal's error where its samples come late by `late` seconds (one standard deviation).
     pub fn std(&self, late: f64) -> f64 {
         self.change * (late / TIME)
     }

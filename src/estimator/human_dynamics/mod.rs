@@ -27,8 +27,9 @@
 //! time makes them smaller. Where a seat's force sensor repeats what body, hands and feet say, `nis` and `healthy` show a person who
 //! is not the table's; what the errors make of the estimates then takes a solution for each of them, three quarters of a step more.
 //!
-//! Without samples of the joint accelerations (or, where these are not used, of the accelerometers on the segments), of the base's
-//! accelerations or of the seat wrench, the prior decides, which knows nothing of a body: the estimates are not healthy then.
+//! Without samples of the joint accelerations (where these are not used, of the accelerometers on the segments) the prior decides how
+//! the body moves, and with neither the base's accelerations nor the seat wrench what it weighs. The prior knows nothing of a body: the
+//! estimates are not healthy then.
 //!
 //! # Noise and defaults
 //! Variances, as in the source, in the square of the unit of what they belong to:
