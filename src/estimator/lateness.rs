@@ -1,4 +1,5 @@
-//! What a sensor whose samples come late, or are held between slower ones, leaves out of an estimate that follows it.
+//! What a sensor whose samples come late, or are held between slower ones, leaves out of an estimate that follows it; the same
+//! as what an estimate that is not carried forward leaves out after a while.
 //!
 //! A signal `x` that comes `tau` late is off by `tau x'`. Its first-order low-pass `s` with the time constant `T` lags by as
 //! much as a signal that comes `T` late, without a derivative that would show noise: `x - s = T x'` for what changes more
@@ -20,6 +21,11 @@ pub struct Lateness {
 }
 
 impl Lateness {
+    /// Of a signal that begins at this value.
+    pub fn at(value: f64) -> Self {
+        Self { smoothed: value, change: 0.0 }
+    }
+
     /// Takes the signal `dt` seconds after the value before.
     pub fn follow(&mut self, value: f64, dt: f64) {
         let ahead = value - self.smoothed;

@@ -8,6 +8,7 @@
 //! to the accuracy of an orthogonal method. Where a pivot is not positive or the corrections do not
 //! settle, the rows are factored by [`TreeQr`] instead: a wrong number is never silent.
 
+pub use super::sparse_ldl::LANES;
 pub use super::sparse_rows::{Numbers, Pattern};
 
 use super::sparse_ldl::SparseLdl;
@@ -60,6 +61,7 @@ pub struct Map {
     inverse_known: bool,
     /// Right side and solution in the order of elimination.
     work: Vec<f64>,
+    columns: Vec<[f64; LANES]>,
     gradient: Vec<f64>,
     x: Vec<f64>,
     variance: Vec<f64>,
@@ -131,6 +133,7 @@ impl Map {
             weighted: vec![0.0; pattern.column.len()],
             qr: TreeQr::new(pattern),
             work: vec![0.0; n],
+            columns: vec![[0.0; LANES]; n],
             gradient: vec![0.0; n],
             x: vec![0.0; n],
             variance: vec![0.0; n],
@@ -207,17 +210,19 @@ impl Map {
         Some(numbers.weight[row] * sum)
     }
 
-    /// The covariances of one unknown with all others, `Lambda^-1 e`, of the last solution with variances; false if the
+    /// The covariances of some unknowns with all of them, `Lambda^-1 e`, of the last solution with variances; false if the
     /// orthogonal method had to give these.
-    pub fn covariances(&mut self, unknown: usize, covariance: &mut [f64]) -> bool {
+    pub fn covariances(&mut self, unknowns: &[usize; LANES], covariance: &mut [[f64; LANES]]) -> bool {
         if !self.inverse_known {
             return false;
         }
-        for (slot, &other) in self.work.iter_mut().zip(self.ldl.order()) {
-            *slot = f64::from(u8::from(other as usize == unknown));
+        self.columns.fill([0.0; LANES]);
+        let places = unknowns.map(|unknown| self.ldl.place(unknown));
+        for (lane, place) in places.into_iter().enumerate() {
+            self.columns[place][lane] = 1.0;
         }
-        self.ldl.solve(&mut self.work);
-        for (&value, &other) in self.work.iter().zip(self.ldl.order()) {
+        self.ldl.solve_columns(&mut self.columns, places.into_iter().min().unwrap_or(0));
+        for (&value, &other) in self.columns.iter().zip(self.ldl.order()) {
             covariance[other as usize] = value;
         }
         true

@@ -6,6 +6,11 @@
 //! [`invert`](SparseLdl::invert) (the selected inverse of Takahashi, Fagan and Chen 1973) then run
 //! over fixed lists and allocate nothing.
 
+use multiversion::multiversion;
+
+/// Right sides that are solved for at once.
+pub const LANES: usize = 8;
+
 /// A pivot that is not positive: the matrix is not positive definite, or not to working precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BadPivot {
@@ -198,6 +203,17 @@ impl SparseLdl {
         }
     }
 
+    /// The same for [`LANES`] right sides at once, which are zero before the place `first`.
+    pub fn solve_columns(&self, x: &mut [[f64; LANES]], first: usize) {
+        let (diagonal, lower) = self.values.split_at(self.order.len());
+        solve_columns(&Columns { start: &self.start, row: &self.row, lower, diagonal }, x, first);
+    }
+
+    /// The place of an unknown in the order of elimination.
+    pub fn place(&self, unknown: usize) -> usize {
+        self.place[unknown] as usize
+    }
+
     /// The unknown at each place of the order of elimination.
     pub fn order(&self) -> &[u32] {
         &self.order
@@ -246,6 +262,36 @@ impl SparseLdl {
     pub fn inverse_at(&self, slot: usize) -> f64 {
         let n = self.len();
         if slot < n { self.inverse_diagonal[slot] } else { self.inverse_lower[slot - n] }
+    }
+}
+
+/// `L` and `D`; see [`SparseLdl`].
+struct Columns<'a> {
+    start: &'a [usize],
+    row: &'a [u32],
+    lower: &'a [f64],
+    diagonal: &'a [f64],
+}
+
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn solve_columns(factor: &Columns, x: &mut [[f64; LANES]], first: usize) {
+    let Columns { start, row, lower, diagonal } = *factor;
+    for j in first..diagonal.len() {
+        let xj = x[j];
+        for (&r, &l) in row[start[j]..start[j + 1]].iter().zip(&lower[start[j]..start[j + 1]]) {
+            for (x, xj) in x[r as usize].iter_mut().zip(&xj) {
+                *x -= l * xj;
+            }
+        }
+    }
+    for j in (0..diagonal.len()).rev() {
+        let mut xj = x[j].map(|x| x / diagonal[j]);
+        for (&r, &l) in row[start[j]..start[j + 1]].iter().zip(&lower[start[j]..start[j + 1]]) {
+            for (xj, x) in xj.iter_mut().zip(&x[r as usize]) {
+                *xj -= l * x;
+            }
+        }
+        x[j] = xj;
     }
 }
 

@@ -98,10 +98,10 @@ def number(cell):
     return float(cell) if cell else math.nan
 
 
-def run(identify, machine, log, settings, columns=None):
+def run(identify, machine, log, settings, columns=None, clock="log"):
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out.csv"
-        command = [identify, "run", machine, log, "--out", out, "--clock", "log"]
+        command = [identify, "run", machine, log, "--out", out, "--clock", clock]
         command += ["--columns", columns] if columns else []
         for name, value in settings.items():
             command += ["--set", f"{name}={value}"]
@@ -160,9 +160,10 @@ def with_truth(estimates, truth):
     return {name: f"true_{name}" for name in names if f"true_{name}" in true_head}
 
 
-def simulated(identify, machine, scenario, seed, settings=None, plant=None, change=None):
+def simulated(identify, machine, scenario, seed, settings=None, plant=None, change=None, clock="log"):
     """Estimates and truth of a simulated log, of a plant with these settings, of which `change` may spoil the rows: it takes
-    each as a dictionary with its time in s, and gives none where the row is left out."""
+    each as a dictionary with its time in s, and gives none where the row is left out. With the clock of a host, `fmu`, the
+    estimates at the time of a row are those at the end of a step that took the row before."""
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log.csv"
         command = [identify, "simulate", machine, "--scenario", scenario, "--seed", str(seed), "--out", log]
@@ -173,7 +174,10 @@ def simulated(identify, machine, scenario, seed, settings=None, plant=None, chan
             head, rows = table(log)
             changed = [row for row in (change(dict(zip(head, row)), float(row[0])) for row in rows) if row]
             write(log, {name: [row[name] for row in changed] for name in head})
-        return run(identify, machine, log, settings or {}), table(log)
+        head, rows = run(identify, machine, log, settings or {}, clock=clock)
+        truth = table(log)
+        times = {round(float(row[0]), 6) for row in truth[1]}
+        return (head, [row for row in rows if round(float(row[0]), 6) in times]), truth
 
 
 def own_plant(identify, machine):

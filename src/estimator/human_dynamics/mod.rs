@@ -4,7 +4,9 @@
 //! The equations of motion of a body of 12 segments and 19 joints ([`model::multibody`](crate::model::multibody), its
 //! [rows](crate::model::multibody::equations)) and whatever sensors there are make one linear least squares problem
 //! per sample. Its solution ([`filter::map`](crate::filter::map)) is the maximum a posteriori estimate of all
-//! accelerations, wrenches and torques, with the variance of each. Nothing is carried from sample to sample. The
+//! accelerations, wrenches and torques, with the variance of each. Nothing is carried from sample to sample: between samples, as
+//! in a host that reads an FMU at the end of its step, an estimate is that of the last one, and its standard deviation contains how much such
+//! estimates changed of late in so much time. The
 //! segments' masses and inertias follow from `body.height` and `body.mass`. [`HumanDynamics`] is the seated body with
 //! a fixed list of sensors; [`WholeBody`] takes any tree and any sensors.
 //!
@@ -25,7 +27,7 @@
 //! milliradians. These errors are not estimated, but the standard deviations of torques and seat wrench contain what they make of
 //! them ([`scatter`](crate::model::multibody::scatter), `scatter.*`). They are the same in all samples of a person: no average over
 //! time makes them smaller. Where a seat's force sensor repeats what body, hands and feet say, `nis` and `healthy` show a person who
-//! is not the table's; what the errors make of the estimates then takes a solution for each of them, three quarters of a step more.
+//! is not the table's; what the errors make of the estimates then takes a solution for each of them, a third of a step more.
 //!
 //! Without samples of the joint accelerations (where these are not used, of the accelerometers on the segments) the prior decides how
 //! the body moves, and with neither the base's accelerations nor the seat wrench what it weighs. The prior knows nothing of a body: the
@@ -68,6 +70,7 @@ pub use parameters::{
 };
 pub use variables::{Inputs, Outputs};
 
+use crate::estimator::lateness::Lateness;
 use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::model::STANDARD_GRAVITY;
 use crate::model::multibody::anthropometry::seated12;
@@ -78,7 +81,7 @@ use crate::variable::Estimate;
 use crate::{ParameterError, Status};
 use derivatives::Derivatives;
 use serde::{Deserialize, Serialize};
-use variables::{DOF, GROUPS, JOINTS};
+use variables::{DOF, GROUPS, JOINTS, WRENCHES};
 use whole_body::{Posture, WholeBody};
 
 /// The estimator; see the [module](self).
@@ -104,6 +107,9 @@ use whole_body::{Posture, WholeBody};
 /// ```
 pub type HumanDynamics = Sampled<SeatedBody>;
 
+/// Time after which a torque is as unknown as it gets, s.
+const LONGEST_HORIZON: f64 = 1e3;
+
 /// Everything that a step changes: the last estimates, and positions to differentiate.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
@@ -111,6 +117,8 @@ pub struct State {
     /// Whether the last sample had a measurement of accelerations or wrenches.
     measured: bool,
     derivatives: Derivatives,
+    /// How much torques and seat wrench change while no sample is taken.
+    lateness: [Lateness; WRENCHES],
 }
 
 impl Clone for State {
@@ -123,6 +131,7 @@ impl Clone for State {
         self.outputs.clone_from(&other.outputs);
         self.measured = other.measured;
         self.derivatives.clone_from(&other.derivatives);
+        self.lateness = other.lateness;
     }
 }
 
@@ -289,7 +298,8 @@ impl Machine for SeatedBody {
             differentiate: parameters.differentiate,
             differentiator,
         };
-        Ok((machine, State { outputs, measured: false, derivatives }))
+        let lateness = [Lateness::default(); WRENCHES];
+        Ok((machine, State { outputs, measured: false, derivatives, lateness }))
     }
 
     fn rules(parameters: &Parameters) -> Rules {
@@ -337,6 +347,12 @@ impl Machine for SeatedBody {
         };
         state.measured = present > 0 && weighed && moves;
         self.read(&mut state.outputs);
+        for (lateness, estimate) in state.lateness.iter_mut().zip(state.outputs.wrenches_mut()) {
+            match elapsed {
+                Elapsed::First => *lateness = Lateness::at(estimate.value),
+                Elapsed::Step(dt) | Elapsed::Gap(dt) => lateness.follow(estimate.value, dt),
+            }
+        }
         status |= of_body;
         status.raise_if(!is_observable(&state.outputs), Status::UNOBSERVABLE);
         let innovations = self.body.innovations(|sensor| self.groups[sensor].is_some());
@@ -350,8 +366,14 @@ impl Machine for SeatedBody {
         }
     }
 
-    fn estimates(&self, state: &State, _: &Inputs, _: f64, outputs: &mut Outputs) {
+    /// Nothing here has dynamics that would carry an estimate forward, so its standard deviation contains what it changes.
+    fn estimates(&self, state: &State, _: &Inputs, horizon: f64, outputs: &mut Outputs) {
         outputs.clone_from(&state.outputs);
+        if horizon > 0.0 {
+            for (estimate, lateness) in outputs.wrenches_mut().zip(&state.lateness) {
+                estimate.std = estimate.std.hypot(lateness.std(horizon.min(LONGEST_HORIZON)));
+            }
+        }
     }
 
     fn usable(&self, state: &State, outputs: &Outputs) -> bool {
@@ -359,7 +381,12 @@ impl Machine for SeatedBody {
     }
 
     fn check(&self, state: &State) -> Result<(), StateError> {
-        let fits = self.differentiator.fits(&state.derivatives, self.differentiate);
-        if fits { Ok(()) } else { Err(StateError("its differentiation window differs")) }
+        if !self.differentiator.fits(&state.derivatives, self.differentiate) {
+            return Err(StateError("its differentiation window differs"));
+        }
+        if !state.lateness.iter().all(Lateness::is_valid) {
+            return Err(StateError("its torques are not those of any body"));
+        }
+        Ok(())
     }
 }

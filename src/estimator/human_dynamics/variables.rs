@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 
 /// Degrees of freedom of the seated body.
 pub const DOF: usize = 19;
+/// Torques and components of the seat wrench.
+pub const WRENCHES: usize = DOF + 6;
 
 /// The joints: name outside, name in the model, what moves about which axis.
 pub const JOINTS: [(&str, &str, &str); DOF] = [
@@ -267,7 +269,14 @@ impl AsMut<Diagnostics> for Outputs {
 }
 
 /// Numbers in [`Outputs`] before the diagnostics.
-const ESTIMATES: usize = 2 * DOF + 12 + 6 + 1 + 6;
+const ESTIMATES: usize = 2 * WRENCHES + 6 + 1 + 6;
+
+impl Outputs {
+    /// Torques, then the seat wrench.
+    pub(super) fn wrenches_mut(&mut self) -> impl Iterator<Item = &mut Estimate> {
+        self.tau.iter_mut().chain(&mut self.seat_wrench)
+    }
+}
 
 impl Variables for Outputs {
     const COUNT: usize = ESTIMATES + Diagnostics::COUNT;
@@ -321,7 +330,7 @@ impl Variables for Outputs {
     fn read(&mut self, flat: &[f64]) {
         let mut values = flat.iter().copied();
         let mut next = || values.next().unwrap_or_default();
-        for estimate in self.tau.iter_mut().chain(&mut self.seat_wrench) {
+        for estimate in self.wrenches_mut() {
             *estimate = Estimate::new(next(), next());
         }
         let plain = self.com.iter_mut().chain(&mut self.com_velocity).chain([&mut self.body_mass]);

@@ -2,7 +2,7 @@
 //! equations of [`model::multibody`](crate::model::multibody) solved by [`filter::map`](crate::filter::map).
 
 use crate::Status;
-use crate::filter::map::{Map, Method, Numbers, Pattern};
+use crate::filter::map::{LANES, Map, Method, Numbers, Pattern};
 use crate::model::multibody::equations::{Base, Equations, Kind, Slots};
 use crate::model::multibody::error::ModelError;
 use crate::model::multibody::prior::Variances;
@@ -59,7 +59,9 @@ pub struct WholeBody {
     scattered: Vec<f64>,
     /// First row of Newton's and Euler's equations of each body.
     net_wrench_row: Vec<Option<usize>>,
-    covariance: Vec<f64>,
+    /// Covariances of some estimates with all variables, and the influence of each body's net wrench on them.
+    covariance: Vec<[f64; LANES]>,
+    influence: Vec<[[f64; LANES]; 6]>,
 }
 
 /// Fronts for the elimination along the tree: a body's front has its own variables and the wrenches
@@ -121,14 +123,17 @@ impl WholeBody {
             net_wrench_row: (0..equations.tree().bodies.len())
                 .map(|body| equations.net_wrench_rows(body).map(|rows| rows.start))
                 .collect(),
-            covariance: vec![0.0; equations.variables()],
+            covariance: vec![[0.0; LANES]; equations.variables()],
+            influence: vec![[[0.0; LANES]; 6]; equations.tree().bodies.len()],
             equations,
         })
     }
 
     /// Considers errors of the body's own numbers; without, these are taken as exact.
     pub fn considering(self, parameters: &ScatterParameters) -> Self {
-        Self { scatter: Some(Scatter::new(self.equations.tree(), parameters)), ..self }
+        let exact = *parameters == ScatterParameters::NONE;
+        let scatter = (!exact).then(|| Scatter::new(self.equations.tree(), parameters));
+        Self { scatter, ..self }
     }
 
     /// Estimates from one sample of the posture and of all sensors, in their order; what is not
@@ -198,29 +203,34 @@ impl WholeBody {
     /// of the wrench on a moving base, after a step with variances: by the solver's own influence of each body's wrench on
     /// each of them, one more solution per estimate.
     pub fn scattered(&mut self) -> &[f64] {
+        let Some(scatter) = &mut self.scatter else { return &self.scattered };
+        scatter.take(&self.equations, self.map.mean());
         let dof = self.equations.tree().dof();
         let base = self.equations.slots()[0].map(|slots| slots.range(Kind::ParentWrench).start);
         let estimates = dof + if base.is_some() { 6 } else { 0 };
-        if let Some(scatter) = &mut self.scatter {
-            scatter.take(&self.equations, self.map.mean());
-        }
-        for estimate in 0..estimates {
-            let unknown = if estimate < dof { self.torque_slot(estimate) } else { base.unwrap_or(0) + estimate - dof };
-            if !self.map.covariances(unknown, &mut self.covariance) {
+        for first in (0..estimates).step_by(LANES) {
+            // The last ones are asked for twice rather than fewer than fill the lanes.
+            let of_lane: [usize; LANES] = std::array::from_fn(|k| (first + k).min(estimates - 1));
+            let unknowns = of_lane.map(|estimate| match base {
+                Some(base) if estimate >= dof => base + estimate - dof,
+                _ => self.torque_slot(estimate),
+            });
+            if !self.map.covariances(&unknowns, &mut self.covariance) {
                 return self.scattered_by_statics();
             }
+            for (body, first) in self.net_wrench_row.iter().enumerate() {
+                let Some(first) = first else { continue };
+                for k in 0..6 {
+                    self.influence[body][k] = self.equations.rows().times(first + k, &self.covariance);
+                    self.influence[body][k].iter_mut().for_each(|influence| *influence *= self.weight[first + k]);
+                }
+            }
             let Some(scatter) = &self.scatter else { break };
-            let rows = self.equations.rows();
-            let (weight, covariance, first) = (&self.weight, &self.covariance, &self.net_wrench_row);
-            let influence = |first: usize| {
-                Vector6::from_fn(|k, _| {
-                    let entries = rows.start[first + k]..rows.start[first + k + 1];
-                    weight[first + k]
-                        * entries.map(|e| rows.value[e] * covariance[rows.column[e] as usize]).sum::<f64>()
-                })
-            };
-            let bodies = first.iter().enumerate().filter_map(|(body, first)| Some((body, influence((*first)?))));
-            self.scattered[estimate] = scatter.variance(bodies);
+            for (lane, estimate) in of_lane.into_iter().enumerate() {
+                let influence = |body: usize| Vector6::from_fn(|k, _| self.influence[body][k][lane]);
+                let bodies = (0..self.influence.len()).filter(|&body| self.net_wrench_row[body].is_some());
+                self.scattered[estimate] = scatter.variance(bodies.map(|body| (body, influence(body))));
+            }
         }
         &self.scattered
     }

@@ -26,6 +26,18 @@ impl Rows {
     pub fn is_empty(&self) -> bool {
         self.offset.is_empty()
     }
+
+    /// A row times several columns of variables.
+    pub fn times<const K: usize>(&self, row: usize, variables: &[[f64; K]]) -> [f64; K] {
+        let mut sums = [0.0; K];
+        for entry in self.start[row]..self.start[row + 1] {
+            let value = self.value[entry];
+            for (sum, variable) in sums.iter_mut().zip(&variables[self.column[entry] as usize]) {
+                *sum += value * variable;
+            }
+        }
+        sums
+    }
 }
 
 /// Where a candidate entry takes its value from.
