@@ -12,6 +12,7 @@ pub mod one_step;
 pub mod repetition;
 pub mod sampled;
 pub mod standstill;
+pub mod unchanged;
 pub mod wheel_loader;
 pub mod wheelchair;
 pub mod wheeled_robot;

@@ -1,7 +1,7 @@
 //! How to estimate: one file per filter. Knows no vehicle.
 
 pub mod adaptation;
-mod array;
+pub(crate) mod array;
 pub mod critically_damped;
 pub mod discretise;
 pub mod ekf;

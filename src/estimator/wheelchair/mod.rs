@@ -174,6 +174,7 @@ pub use watch::Watch;
 use crate::estimator::lateness::Lateness;
 use crate::estimator::one_step::{Belief, OneStepPrediction};
 use crate::estimator::standstill::Standstill;
+use crate::estimator::unchanged::Unchanged;
 use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::ekf::NotPositiveDefinite;
 use crate::model::wheelchair::{self as model, Chair, Command};
@@ -237,8 +238,11 @@ pub struct State {
     /// Variances of distance, m^2, and heading, rad^2, where the encoders' zeros were guessed.
     zeros: [f64; 2],
     frame_turn: FrameTurn,
-    /// Of the rate at which the ground tilts.
+    /// Of the rate at which the ground tilts, and of the speed.
     lateness: Lateness,
+    speed_lateness: Lateness,
+    /// Of all sensors.
+    unchanged: Unchanged<6>,
     /// Speed of wheels that were expected to turn and did not, m/s; it fades.
     stopped: f64,
     rest: Rest,
@@ -468,6 +472,8 @@ impl Machine for ChairMachine {
             zeros: [0.0; 2],
             frame_turn: FrameTurn::default(),
             lateness: Lateness::default(),
+            speed_lateness: Lateness::default(),
+            unchanged: Unchanged::default(),
             stopped: 0.0,
             rest: Rest::default(),
             standstill: Standstill::default(),
@@ -555,6 +561,9 @@ impl Machine for ChairMachine {
         let pitch_rate = sample.values[GYRO] - state.belief.gyro_bias();
         state.frame_turn.watch(pitch_rate, self.basic.noise.gyro, dt);
         state.lateness.follow(state.belief.tilt_rate(), dt);
+        state.speed_lateness.follow(state.belief.motion().0, dt);
+        let Inputs { encoder_left, encoder_right, gyro_pitch, accel_x, accel_y, accel_z, .. } = *inputs;
+        state.unchanged.follow([encoder_left, encoder_right, gyro_pitch, accel_x, accel_y, accel_z], dt);
         status.raise_if(!state.belief.heading_is_observable(), Status::UNOBSERVABLE);
         Outcome { status: status | outcome.status, ..outcome }
     }
@@ -592,10 +601,7 @@ impl Machine for ChairMachine {
         if !left && std::mem::discriminant(&state.belief) != std::mem::discriminant(&self.initial) {
             return Err(StateError("its filter.kind differs"));
         }
-        if state.belief.is_valid() && state.lateness.is_valid() {
-            Ok(())
-        } else {
-            Err(StateError("it holds a negative variance"))
-        }
+        let followed = state.lateness.is_valid() && state.speed_lateness.is_valid() && state.unchanged.is_valid();
+        if state.belief.is_valid() && followed { Ok(()) } else { Err(StateError("it holds a negative variance")) }
     }
 }

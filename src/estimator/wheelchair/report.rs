@@ -78,8 +78,7 @@ impl ChairMachine {
             }
         }
         self.count_wheels(state, outputs);
-        outputs.slope_rate.std =
-            outputs.slope_rate.std.hypot(state.lateness.std(self.parameters.filter.measurement_std.delay));
+        outputs.slope_rate.std = outputs.slope_rate.std.hypot(state.lateness.std(self.delay(state)));
         outputs.standstill = drive.still;
     }
 
@@ -122,16 +121,22 @@ impl ChairMachine {
         self.parameters.chair.wheel_radius_difference_std / self.chair.body.track()
     }
 
+    /// How late what was read may be, s (one standard deviation): as sensors are, and as long as nothing new was read.
+    fn delay(&self, state: &State) -> f64 {
+        self.parameters.filter.measurement_std.delay.hypot(state.unchanged.seconds())
+    }
+
     /// Counts what the encoders cannot tell: errors of the wheels' radius, the frame that they sit on, where their zeros are, how late
     /// they are.
     fn count_wheels(&self, state: &State, outputs: &mut Outputs) {
         let relative = self.parameters.chair.wheel_radius_std;
         let turning = self.turning() * outputs.speed.value;
-        let delay = self.parameters.filter.measurement_std.delay;
+        let delay = self.delay(state);
+        let slower = state.speed_lateness.std(state.unchanged.seconds());
         let travelled = (delay * outputs.speed.value).hypot(state.zeros[0].sqrt());
         outputs.heading.std = outputs.heading.std.hypot(delay * outputs.yaw_rate.value);
         for (estimate, frame) in [
-            (&mut outputs.speed, state.frame_turn.speed_std(&self.chair).hypot(state.stopped)),
+            (&mut outputs.speed, state.frame_turn.speed_std(&self.chair).hypot(state.stopped).hypot(slower)),
             (&mut outputs.distance, state.frame_turn.distance_std(&self.chair).hypot(travelled)),
             (&mut outputs.yaw_rate, turning),
         ] {

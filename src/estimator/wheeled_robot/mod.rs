@@ -163,6 +163,7 @@ use super::one_step::{Belief, OneStepPrediction};
 use super::repetition::Repetition;
 use super::sampled::LONG_AGO;
 use super::standstill::Standstill;
+use super::unchanged::Unchanged;
 use super::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::bounded;
 use crate::filter::gaussian::FactoredGaussian;
@@ -243,8 +244,11 @@ pub struct State {
     speed: SpeedKnowledge,
     slip: Slip,
     unmodelled: Unmodelled,
-    /// Of the yaw rate.
+    /// Of the yaw rate, and of the wheels' longitudinal forces.
     lateness: Lateness,
+    force_lateness: [Lateness; 4],
+    /// Of gyro, accelerometer and wheel speeds.
+    unchanged: Unchanged<7>,
     /// Of the gyro, beside the steering.
     repetition: Repetition,
     standstill: Standstill,
@@ -494,6 +498,8 @@ impl Machine for RobotMachine {
             slip: Slip::default(),
             unmodelled: Unmodelled::default(),
             lateness: Lateness::default(),
+            force_lateness: [Lateness::default(); 4],
+            unchanged: Unchanged::default(),
             repetition: Repetition::default(),
             standstill: Standstill::default(),
             rejections: 0,
@@ -561,6 +567,12 @@ impl Machine for RobotMachine {
         let left = (variance(state, 0) / speed).min(1.0);
         state.unmodelled.push(self.reach, slopes.damping(), state.belief.mean[2], left, dt);
         state.lateness.follow(state.belief.mean[2], dt);
+        for (lateness, force) in state.force_lateness.iter_mut().zip(&state.forces.force) {
+            lateness.follow(*force, dt);
+        }
+        let [fl, fr, rl, rr] =
+            [inputs.wheel_speed_fl, inputs.wheel_speed_fr, inputs.wheel_speed_rl, inputs.wheel_speed_rr];
+        state.unchanged.follow([inputs.gyro_z, inputs.accel_x, inputs.accel_y, fl, fr, rl, rr], dt);
         status.raise_if(self.keep_within_bounds(state, dt), Status::RESTARTED | Status::AT_BOUND);
         self.compare(state, (&z, &noise), &drive, dt);
         status.raise_if(state.disagrees(), Status::CONTRADICTED);
@@ -627,6 +639,8 @@ impl Machine for RobotMachine {
             && state.slip.is_valid()
             && state.unmodelled.is_valid()
             && state.lateness.is_valid()
+            && state.force_lateness.iter().all(Lateness::is_valid)
+            && state.unchanged.is_valid()
             && state.repetition.is_valid()
             && state.agreement.iter().all(Agreement::is_valid);
         if seen { Ok(()) } else { Err(StateError("its noise is not that of any signal")) }
