@@ -15,6 +15,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::sync::Mutex;
 use wheelstate_identify::finding::Severity;
 use wheelstate_identify::log::{Log, Series};
 use wheelstate_identify::problem::noise::noise_of;
@@ -390,14 +391,25 @@ struct Outcome {
     words: Vec<String>,
 }
 
+/// The log of a seed before any damage: all cells of a machine have the same ones.
+fn simulated(machine: &Machine, seed: u64, at_half_the_period: bool) -> Log {
+    static LOGS: Mutex<BTreeMap<(&str, u64, bool), Log>> = Mutex::new(BTreeMap::new());
+    let which = (machine.name, seed, at_half_the_period);
+    if let Some(log) = LOGS.lock().unwrap().get(&which) {
+        return log.clone();
+    }
+    let settings = if at_half_the_period { vec![("sample_period".to_owned(), 0.005)] } else { Vec::new() };
+    let request = Request { scenario: machine.scenario.to_owned(), seed, settings };
+    let log = machine.vehicle().simulate(&request).unwrap();
+    LOGS.lock().unwrap().insert(which, log.clone());
+    log
+}
+
 fn outcome(machine: &Machine, damage: Damage, seed: u64) -> Outcome {
     let vehicle = machine.vehicle();
-    let simulate = |settings: Vec<(String, f64)>| {
-        vehicle.simulate(&Request { scenario: machine.scenario.to_owned(), seed, settings }).unwrap()
-    };
     // Half a sample of the usual period is one of half that period.
     let halves = matches!(damage, Damage::Alone(_, ms) if ms % 10 != 0);
-    let mut log = simulate(if halves { vec![("sample_period".to_owned(), 0.005)] } else { Vec::new() });
+    let mut log = simulated(machine, seed, halves);
     let truth = (machine.truth)(&log);
     let mut known: Vec<(String, f64)> = of_channels(&log, machine.known).into_iter().collect();
     if matches!(damage, Damage::Known) {
