@@ -5,6 +5,7 @@ import math
 import subprocess
 import sys
 from fnmatch import fnmatch
+from random import Random
 
 import pytest
 from conftest import ROOT
@@ -17,14 +18,15 @@ OF_ANOTHER_MODEL = {"bowing"}
 # A load taken off between two accelerations is unknown until the second one: 0.4 s of 40 s. In the mean of many rides the heading
 # of acceleration_input after a push is in 0.8 %, in one of them in more.
 ALLOWED = {("nursing-robot", "load-drop", "load_mass"): 0.016, ("wheelchair", "yaw-moment", "heading"): 0.012}
+ALL_WRENCHES = {"use.seat_wrench": "true", "use.hand_wrench": "true", "use.foot_wrench": "true"}
 EXACT_BODY = {f"scatter.{name}_std": 0.0 for name in ("mass", "segment_mass", "segment_com", "segment_inertia", "inclination")}
 WRONG = {
     "wheelchair": [{"chair.wheel_radius": 0.305 * 1.04}, {"chair.wheel_radius": 0.305 * 0.97}],
     "wheeled-robot": [{"wheel.radius": 0.15 * 1.08}, {"wheel.radius": 0.15 * 0.93}],
     "nursing-robot": [{"sway.use_tilt": "true", "sway.use_tilt_rate": "true"}],
     "human-dynamics": [
-        {"use.seat_wrench": "true", "use.hand_wrench": "true", "use.foot_wrench": "true"},
-        {"use.seat_wrench": "true", "use.hand_wrench": "true", "use.foot_wrench": "true", "use.imu": "true"} | EXACT_BODY,
+        ALL_WRENCHES,
+        ALL_WRENCHES | {"use.imu": "true"} | EXACT_BODY,
     ],
 }
 
@@ -138,6 +140,12 @@ def frozen(channels, start, end, period=0.01):
     return repeated(channels, lambda row, time: round(start / period) if start <= time < end else row)
 
 
+def noisy(channels, std):
+    """White noise in addition, of a law that repeats."""
+    random = Random(5)
+    return of(channels, lambda value: value + random.gauss(0, std))
+
+
 TILT = {"sway.use_tilt": "true", "sway.use_tilt_rate": "true"}
 FAULTS = [
     # name, machine, ride, parameters, plant, what happens to the log
@@ -160,6 +168,10 @@ FAULTS = [
     ("speed freezes", "wheel-loader", "constant-torque", {}, {}, frozen("speed", 4, 7)),
     ("speed held", "wheel-loader", "accelerate-brake", {}, {}, held("speed", 10)),
     ("loaded", "wheeled-robot", "lane-change", {"vehicle.mass": 54.0}, {}, None),
+    ("joint accelerations late", "human-dynamics", "seated-braking", ALL_WRENCHES, {}, late("qdd_*", 3)),
+    ("hands late", "human-dynamics", "seated-braking", ALL_WRENCHES, {}, late("*_hand_*", 3)),
+    ("noisy joint accelerations", "human-dynamics", "seated-braking", {}, {}, noisy("qdd_*", 2.5)),
+    ("noisy seat", "human-dynamics", "seated-braking", ALL_WRENCHES, {}, noisy("seat_force_*", 10)),
     ("no joint accelerations", "human-dynamics", "seated-braking", {}, {}, missing("qdd_*", 1, 2)),
     ("no acceleration", "human-dynamics", "seated-braking", {}, {}, missing("base_accel_*", 1, 2)),
     ("tilt off", "nursing-robot", "coughs", TILT, {}, off("tilt", 0.01)),

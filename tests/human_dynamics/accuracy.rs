@@ -272,9 +272,9 @@ fn sitting_still_the_seat_carries_the_weight_that_hands_and_feet_leave() {
 /// the seat carries the whole weight along it.
 #[test]
 fn the_tilt_of_the_seat_turns_the_seat_force() {
-    let mut estimator = estimator(&ALL[2..]);
     let mut inputs = sitting();
     for tilt in [0.0, 0.3, -0.5] {
+        let mut estimator = estimator(&ALL[2..]);
         let g = Rotation3::from_euler_angles(0.0, tilt, 0.0).inverse() * Vector3::new(0.0, 0.0, 9.80665);
         inputs.base_accel = g.into();
         estimator.step(&inputs, 0.01);

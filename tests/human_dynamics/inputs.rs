@@ -258,9 +258,11 @@ fn missing_and_infinite_samples_of_the_seated_body_are_left_out() {
     assert!(missing.tau[16].std > 1.5 * full.tau[16].std && missing.diagnostics.healthy);
     holes.contact[2][0] = f64::INFINITY;
     assert!(estimator.step(&holes, 0.01).contains(Status::INFINITE));
-    assert_eq!(outputs(&estimator, &holes).tau, missing.tau);
+    let values = |outputs: &Outputs| outputs.tau.map(|tau| tau.value);
+    let before = outputs(&estimator, &holes);
+    assert_eq!(values(&before), values(&missing));
 
-    // posture: skipped, held, and the next sample is as if nothing had been
+    // posture: skipped, held, and the next sample is as if nothing had been, but for what the torques have changed of late
     for field in 0..3 {
         let mut bad = inputs.clone();
         match field {
@@ -271,11 +273,12 @@ fn missing_and_infinite_samples_of_the_seated_body_are_left_out() {
         let status = estimator.step(&bad, 0.01);
         assert!(status.contains(Status::SKIPPED | Status::HOLD));
         let held = outputs(&estimator, &bad);
-        assert_eq!(held.tau, missing.tau);
+        assert_eq!(held.tau, before.tau);
         assert!(!held.diagnostics.healthy);
     }
     estimator.step(&inputs, 0.01);
-    assert_eq!(outputs(&estimator, &inputs), full);
+    let again = outputs(&estimator, &inputs);
+    assert_eq!((values(&again), again.diagnostics.healthy), (values(&full), true));
 
     // nothing at all
     let mut nothing = inputs.clone();
@@ -390,7 +393,8 @@ fn exactly_the_inputs_of_the_sensors_that_are_switched_on_change_the_estimates()
             changed.read(&flat);
             estimator.step(&changed, 0.01);
             let now = outputs(&estimator, &changed);
-            assert_eq!(now.tau != before.tau, *part == on, "{} with {on} alone", input.name);
+            let differ = now.tau.iter().zip(&before.tau).any(|(now, before)| now.value != before.value);
+            assert_eq!(differ, *part == on, "{} with {on} alone", input.name);
         }
     }
 }

@@ -103,7 +103,6 @@ fn sample(person: &Description, draw: &mut Draw) -> (Inputs, [f64; DOF], [f64; 6
 /// Of all torques and the seat's wrench over many persons: share healthy and beyond three standard deviations, root mean square
 /// of the errors over theirs, median of what is said.
 fn judge(parameters: &Parameters, persons: u64) -> (f64, f64, f64) {
-    let mut estimator = HumanDynamics::new(parameters).unwrap();
     let (mut beyond, mut square, mut count) = (0, 0.0, 0);
     let mut said = vec![];
     for seed in 0..persons {
@@ -111,6 +110,8 @@ fn judge(parameters: &Parameters, persons: u64) -> (f64, f64, f64) {
         let person = another_person(&mut draw);
         for _ in 0..4 {
             let (inputs, tau, wrench) = sample(&person, &mut draw);
+            // none of the samples follows from another
+            let mut estimator = HumanDynamics::new(parameters).unwrap();
             estimator.step(&inputs, 0.01);
             let mut out = Outputs::default();
             estimator.outputs(&inputs, 0.0, &mut out);

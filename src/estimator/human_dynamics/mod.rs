@@ -6,7 +6,8 @@
 //! per sample. Its solution ([`filter::map`](crate::filter::map)) is the maximum a posteriori estimate of all
 //! accelerations, wrenches and torques, with the variance of each. Nothing is carried from sample to sample: between samples, as
 //! in a host that reads an FMU at the end of its step, an estimate is that of the last one, and its standard deviation contains how much such
-//! estimates changed of late in so much time. The
+//! estimates changed of late in so much time, and in the time by which sensors are late. It also contains their white noise where this is clearly more than the sensors are said to
+//! have. The
 //! segments' masses and inertias follow from `body.height` and `body.mass`. [`HumanDynamics`] is the seated body with
 //! a fixed list of sensors; [`WholeBody`] takes any tree and any sensors.
 //!
@@ -41,6 +42,7 @@
 //!   N and moment 0.3 N m, hands 0.5 N, feet 2 N (standard deviations);
 //! - the segments' masses 15 %, their centres of mass a tenth of the radius of gyration, inertias 25 %, the person's mass 1
 //!   kg, the seat's axes 10 mrad (standard deviations, `scatter.*`);
+//! - joints' motion and other sensors come apart by 15 ms (standard deviation, `delay_std`);
 //! - used by default are joint accelerations and the pelvis's accelerometer. The default person is 1.70 m tall and
 //!   weighs 65 kg.
 //!
@@ -72,6 +74,7 @@ pub use variables::{Inputs, Outputs};
 
 use crate::estimator::lateness::Lateness;
 use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
+use crate::filter::signal_noise::SignalNoise;
 use crate::model::STANDARD_GRAVITY;
 use crate::model::multibody::anthropometry::seated12;
 use crate::model::multibody::equations::{Base, Kind};
@@ -80,6 +83,7 @@ use crate::model::multibody::tree::Tree;
 use crate::variable::Estimate;
 use crate::{ParameterError, Status};
 use derivatives::Derivatives;
+use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 use variables::{DOF, GROUPS, JOINTS, WRENCHES};
 use whole_body::{Posture, WholeBody};
@@ -119,6 +123,8 @@ pub struct State {
     derivatives: Derivatives,
     /// How much torques and seat wrench change while no sample is taken.
     lateness: [Lateness; WRENCHES],
+    /// How noisy they are beside their standard deviations.
+    noise: SignalNoise<WRENCHES>,
 }
 
 impl Clone for State {
@@ -131,7 +137,7 @@ impl Clone for State {
         self.outputs.clone_from(&other.outputs);
         self.measured = other.measured;
         self.derivatives.clone_from(&other.derivatives);
-        self.lateness = other.lateness;
+        (self.lateness, self.noise) = (other.lateness, other.noise);
     }
 }
 
@@ -154,6 +160,7 @@ pub struct SeatedBody {
     accelerates: bool,
     joints_move: bool,
     segments_move: bool,
+    delay_std: f64,
     differentiate: bool,
     differentiator: derivatives::Differentiator,
 }
@@ -295,11 +302,13 @@ impl Machine for SeatedBody {
             torque,
             q: [0.0; DOF],
             qd: [0.0; DOF],
+            delay_std: parameters.delay_std,
             differentiate: parameters.differentiate,
             differentiator,
         };
         let lateness = [Lateness::default(); WRENCHES];
-        Ok((machine, State { outputs, measured: false, derivatives, lateness }))
+        let noise = SignalNoise::default();
+        Ok((machine, State { outputs, measured: false, derivatives, lateness, noise }))
     }
 
     fn rules(parameters: &Parameters) -> Rules {
@@ -347,12 +356,16 @@ impl Machine for SeatedBody {
         };
         state.measured = present > 0 && weighed && moves;
         self.read(&mut state.outputs);
-        for (lateness, estimate) in state.lateness.iter_mut().zip(state.outputs.wrenches_mut()) {
+        let mut relative = SVector::<f64, WRENCHES>::zeros();
+        let followed = relative.iter_mut().zip(&mut state.lateness);
+        for ((relative, lateness), estimate) in followed.zip(state.outputs.wrenches_mut()) {
+            *relative = estimate.value / estimate.std;
             match elapsed {
                 Elapsed::First => *lateness = Lateness::at(estimate.value),
                 Elapsed::Step(dt) | Elapsed::Gap(dt) => lateness.follow(estimate.value, dt),
             }
         }
+        state.noise.update(&relative, elapsed.seconds());
         status |= of_body;
         status.raise_if(!is_observable(&state.outputs), Status::UNOBSERVABLE);
         let innovations = self.body.innovations(|sensor| self.groups[sensor].is_some());
@@ -366,13 +379,14 @@ impl Machine for SeatedBody {
         }
     }
 
-    /// Nothing here has dynamics that would carry an estimate forward, so its standard deviation contains what it changes.
+    /// Nothing here has dynamics that would smooth an estimate or carry it forward, so its standard deviation contains its noise, as
+    /// far as this is more than what the sensors are said to have, what it changes until then, and in the time by which a sensor is late.
     fn estimates(&self, state: &State, _: &Inputs, horizon: f64, outputs: &mut Outputs) {
         outputs.clone_from(&state.outputs);
-        if horizon > 0.0 {
-            for (estimate, lateness) in outputs.wrenches_mut().zip(&state.lateness) {
-                estimate.std = estimate.std.hypot(lateness.std(horizon.min(LONGEST_HORIZON)));
-            }
+        let late = self.delay_std.hypot(horizon.min(LONGEST_HORIZON));
+        for (i, (estimate, lateness)) in outputs.wrenches_mut().zip(&state.lateness).enumerate() {
+            let noisy = estimate.std * state.noise.inflation(i).sqrt();
+            estimate.std = noisy.hypot(lateness.std(late));
         }
     }
 
@@ -384,7 +398,7 @@ impl Machine for SeatedBody {
         if !self.differentiator.fits(&state.derivatives, self.differentiate) {
             return Err(StateError("its differentiation window differs"));
         }
-        if !state.lateness.iter().all(Lateness::is_valid) {
+        if !(state.lateness.iter().all(Lateness::is_valid) && state.noise.is_valid()) {
             return Err(StateError("its torques are not those of any body"));
         }
         Ok(())

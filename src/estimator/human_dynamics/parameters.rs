@@ -156,6 +156,8 @@ crate::variables! {
         differentiation: DifferentiationParameters;
         /// Which sensors are used.
         r#use: UseParameters;
+        /// Standard deviation of the time by which the joints' motion and the other sensors come apart, which counts in the deviations of torques and seat wrench. 0: all are sampled together.
+        delay_std: f64 = 0.015, "s", [0.0, 1.0];
         /// Variances.
         variance: VarianceParameters;
         /// How well the body is known.

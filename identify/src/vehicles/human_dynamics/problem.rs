@@ -105,6 +105,9 @@ fn torques(log: &Log, known: &Known, every: usize, progress: &Progress) -> Resul
             parameters.set(&name, 0.0)?;
         }
     }
+    if !known.is_set("delay_std") {
+        parameters.set("delay_std", 0.0)?;
+    }
     if let [first, second, ..] = log.time.as_slice()
         && !known.is_set("sample_period")
     {
