@@ -243,8 +243,8 @@ fn every_further_sensor_narrows_the_seated_torques() {
     let channels: Vec<&[f64]> = Inputs::declare().iter().map(|v| log.channel(&v.name).unwrap()).collect();
     let mut before: Option<Vec<f64>> = None;
     for (level, used) in levels.iter().enumerate() {
-        // the plant's person is the table's
-        let mut parameters = Parameters { scatter: ScatterParameters::NONE, ..Parameters::default() };
+        // the plant's person is the table's, and its sensors are sampled together
+        let mut parameters = Parameters { scatter: ScatterParameters::NONE, delay_std: 0.0, ..Parameters::default() };
         used.iter().for_each(|name| parameters.set(name, 1.0).unwrap());
         let mut estimator = Seated::new(&parameters).unwrap();
         let (mut inputs, mut outputs) = (Inputs::default(), Outputs::default());
