@@ -4,12 +4,13 @@
 //! The equations of motion of a body of 12 segments and 19 joints ([`model::multibody`](crate::model::multibody), its
 //! [rows](crate::model::multibody::equations)) and whatever sensors there are make one linear least squares problem
 //! per sample. Its solution ([`filter::map`](crate::filter::map)) is the maximum a posteriori estimate of all
-//! accelerations, wrenches and torques, with the variance of each. Nothing is carried from sample to sample: between samples, as
-//! in a host that reads an FMU at the end of its step, an estimate is that of the last one, and its standard deviation contains how much such
-//! estimates changed of late in so much time, and in the time by which sensors are late. It also contains their white noise where this is clearly more than the sensors are said to
-//! have. The
+//! accelerations, wrenches and torques, with the variance of each. No estimate is carried from sample to sample. The
 //! segments' masses and inertias follow from `body.height` and `body.mass`. [`HumanDynamics`] is the seated body with
 //! a fixed list of sensors; [`WholeBody`] takes any tree and any sensors.
+//!
+//! The standard deviations of torques and seat wrench also contain what these have changed of late in the time since the sample (a host
+//! reads an FMU at the end of its step, where an estimate is still that of the sample) and in the time by which sensors may come apart
+//! (`delay_std`), and their white noise where it is clearly more than the sensors are said to have.
 //!
 //! Frames of pelvis, thorax, head and arms: x forward, y left, z up when sitting upright with the arms hanging; thighs
 //! as the pelvis, with the thigh along x; shanks with z up and the foot forward. All joint coordinates are zero in
