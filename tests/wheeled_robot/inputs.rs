@@ -213,6 +213,12 @@ fn parameters_are_refused_by_name() {
     );
     p.filter.minimum_speed = 1.2;
     assert!(WheeledRobot::new(&p).is_ok());
+    // as many steps as a slower sampling needs, where nobody says how many
+    let mut p = Parameters { sample_period: 0.02, ..Parameters::default() };
+    assert!(WheeledRobot::new(&p).is_ok());
+    p.filter.minimum_speed = 1e-3;
+    p.sample_period = 0.03;
+    assert!(WheeledRobot::new(&p).unwrap_err().to_string().contains("filter.substeps = 1000 is too few"));
 }
 
 #[test]

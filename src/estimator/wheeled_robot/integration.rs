@@ -6,6 +6,10 @@ use crate::filter::discretise::runge_kutta;
 use crate::model::wheeled_robot::{Driven, Motion, WheeledRobot};
 use nalgebra::SMatrix;
 
+/// Steps per sample where the parameters leave it open: as many as this, or as are needed up to so many.
+const USUAL: f64 = 3.0;
+const MOST: f64 = 1000.0;
+
 /// How the equations of motion are made discrete.
 #[derive(Clone, Debug)]
 pub(super) struct Integration {
@@ -31,8 +35,11 @@ impl Integration {
         };
         let minimum_speed = p.filter.minimum_speed;
         let rate = model.lateral_rate(minimum_speed);
-        let most = p.filter.substeps.unsigned_abs();
         let needed = (rate * p.sample_period / stable).ceil();
+        let most = match p.filter.substeps.unsigned_abs() {
+            0 => needed.clamp(USUAL, MOST) as u32,
+            most => most,
+        };
         if f64::from(most) >= needed {
             return Ok(Self { method, minimum_speed, rate, stable, most });
         }

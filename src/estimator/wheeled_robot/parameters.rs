@@ -133,8 +133,8 @@ variables! {
         minimum_speed: f64 = 0.5, "m/s", [1e-3, 50.0];
         /// How the equations of motion are made discrete.
         integrator: Method = Method::Euler, "1";
-        /// Most steps of the integrator per sample, fewer at higher speed. Euler needs (lateral rate at the minimum speed) * sample_period <= substeps.
-        substeps: i32 = 3, "1", [1, 1000];
+        /// Most steps of the integrator per sample, fewer at higher speed. Euler needs (lateral rate at the minimum speed) * sample_period <= substeps. 0: three, or as many as it needs.
+        substeps: i32 = 0, "1", [0, 1000];
     }
 }
 
