@@ -8,7 +8,6 @@
 //! to the accuracy of an orthogonal method. Where a pivot is not positive or the corrections do not
 //! settle, the rows are factored by [`TreeQr`] instead: a wrong number is never silent.
 
-pub use super::sparse_ldl::LANES;
 pub use super::sparse_rows::{Numbers, Pattern};
 
 use super::sparse_ldl::SparseLdl;
@@ -67,6 +66,8 @@ pub struct Map {
     variance: Vec<f64>,
 }
 
+/// Unknowns whose covariances are asked for at once: two wide registers of four.
+pub const LANES: usize = 8;
 /// Corrections after the first solution.
 const CORRECTIONS: usize = 2;
 /// Cancellation in the factor beyond which the variances, which cannot be corrected, would have less

@@ -8,9 +8,6 @@
 
 use multiversion::multiversion;
 
-/// Right sides that are solved for at once.
-pub const LANES: usize = 8;
-
 /// A pivot that is not positive: the matrix is not positive definite, or not to working precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BadPivot {
@@ -184,29 +181,13 @@ impl SparseLdl {
     /// Solves with the factor: `x` holds the right side and becomes the solution, both in the order
     /// of elimination; see [`order`](Self::order).
     pub fn solve(&self, x: &mut [f64]) {
-        let n = self.order.len();
-        let (diagonal, lower) = self.values.split_at(n);
-        for j in 0..n {
-            let xj = x[j];
-            let (from, to) = (self.start[j], self.start[j + 1]);
-            for (&r, &l) in self.row[from..to].iter().zip(&lower[from..to]) {
-                x[r as usize] -= l * xj;
-            }
-        }
-        for j in (0..n).rev() {
-            let (from, to) = (self.start[j], self.start[j + 1]);
-            let mut xj = x[j] / diagonal[j];
-            for (&r, &l) in self.row[from..to].iter().zip(&lower[from..to]) {
-                xj -= l * x[r as usize];
-            }
-            x[j] = xj;
-        }
+        self.solve_columns(x.as_chunks_mut::<1>().0, 0);
     }
 
-    /// The same for [`LANES`] right sides at once, which are zero before the place `first`.
-    pub fn solve_columns(&self, x: &mut [[f64; LANES]], first: usize) {
+    /// The same for several right sides at once, which are zero before the place `first`.
+    pub fn solve_columns<const K: usize>(&self, x: &mut [[f64; K]], first: usize) {
         let (diagonal, lower) = self.values.split_at(self.order.len());
-        solve_columns(&Columns { start: &self.start, row: &self.row, lower, diagonal }, x, first);
+        substitute(&Factor { start: &self.start, row: &self.row, lower, diagonal }, x, first);
     }
 
     /// The place of an unknown in the order of elimination.
@@ -266,7 +247,7 @@ impl SparseLdl {
 }
 
 /// `L` and `D`; see [`SparseLdl`].
-struct Columns<'a> {
+struct Factor<'a> {
     start: &'a [usize],
     row: &'a [u32],
     lower: &'a [f64],
@@ -274,8 +255,8 @@ struct Columns<'a> {
 }
 
 #[multiversion(targets("x86_64+avx+avx2"))]
-fn solve_columns(factor: &Columns, x: &mut [[f64; LANES]], first: usize) {
-    let Columns { start, row, lower, diagonal } = *factor;
+fn substitute<const K: usize>(factor: &Factor, x: &mut [[f64; K]], first: usize) {
+    let Factor { start, row, lower, diagonal } = *factor;
     for j in first..diagonal.len() {
         let xj = x[j];
         for (&r, &l) in row[start[j]..start[j + 1]].iter().zip(&lower[start[j]..start[j + 1]]) {
