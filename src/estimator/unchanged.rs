@@ -2,7 +2,8 @@
 //! which is old by then.
 //!
 //! What repeats may also be steady: nothing is said of the readings, only what the estimates that follow them have changed of late
-//! ([`Lateness`](super::lateness::Lateness)) may have changed again meanwhile.
+//! ([`Lateness`](super::lateness::Lateness)) may have changed again meanwhile. Of one sensor that repeats while another one changes,
+//! [`Repetition`](super::repetition::Repetition) says that it is old.
 
 use crate::filter::bounded;
 use serde::{Deserialize, Serialize};

@@ -601,7 +601,10 @@ impl Machine for ChairMachine {
         if !left && std::mem::discriminant(&state.belief) != std::mem::discriminant(&self.initial) {
             return Err(StateError("its filter.kind differs"));
         }
+        if !state.belief.is_valid() {
+            return Err(StateError("it holds a negative variance"));
+        }
         let followed = state.lateness.is_valid() && state.speed_lateness.is_valid() && state.unchanged.is_valid();
-        if state.belief.is_valid() && followed { Ok(()) } else { Err(StateError("it holds a negative variance")) }
+        if followed { Ok(()) } else { Err(StateError("its motion is not that of any chair")) }
     }
 }
