@@ -5,6 +5,7 @@
 //! restoring a state and repeating the inputs repeats the bytes.
 
 mod finite;
+mod frozen;
 pub mod human_dynamics;
 pub mod lateness;
 pub mod nursing_robot;

@@ -13,6 +13,7 @@
 //! | a force, torque or steering angle held for longer than [`HELD_BRIEFLY`] | wheelchair and wheeled robot count it as unknown |
 //! | force, moment, torque or held input without any valid value so far | `never-set` |
 //! | encoder, speed over ground or gyro that repeats exactly while wheels or steering must have changed it | an old sample is none: `missing` ([`repetition`](super::repetition)) |
+//! | an input with noise that repeats exactly for longer than noise does | a frozen sensor: no sample (`missing`, `held-input`) |
 //! | input that the parameters switch off | no sample, nothing is said unless it is infinite |
 //! | no measured input has a sample | `no-measurement` |
 //! | innovations of the last seconds too large | `contradicted`, not healthy: [`NisMonitor`] |
@@ -20,6 +21,7 @@
 //! | a stored state with a number that is not finite | is refused and nothing changes |
 
 use super::finite::all_finite;
+use super::frozen::FrozenInputs;
 use super::one_step::{Belief, NO_STATES, OneStepPrediction};
 use super::{Estimator, StateError};
 use crate::filter::nis_monitor::NisMonitor;
@@ -208,6 +210,7 @@ pub struct State<S> {
     started: bool,
     /// Last valid values of the inputs that are held or must have been set.
     last: Vec<Option<f64>>,
+    frozen: FrozenInputs,
     /// Time since anything measured was used, s.
     silent: f64,
     monitor: NisMonitor,
@@ -216,13 +219,14 @@ pub struct State<S> {
 
 impl<S: Clone> Clone for State<S> {
     fn clone(&self) -> Self {
-        Self { machine: self.machine.clone(), last: self.last.clone(), ..*self }
+        Self { machine: self.machine.clone(), last: self.last.clone(), frozen: self.frozen.clone(), ..*self }
     }
 
     /// Into memory that is there already.
     fn clone_from(&mut self, other: &Self) {
         self.machine.clone_from(&other.machine);
         self.last.clone_from(&other.last);
+        self.frozen.clone_from(&other.frozen);
         (self.started, self.silent, self.monitor) = (other.started, other.silent, other.monitor);
         self.diagnostics = other.diagnostics;
     }
@@ -252,22 +256,25 @@ impl<M: Machine> Sampled<M> {
         &self.machine
     }
 
-    /// Takes out of the inputs what is no sample; what was wrong with them. `remember` is given the slot of an input
-    /// with its value, if that is valid, and returns its last valid value.
+    /// Takes out of the inputs what is no sample; what was wrong with them. `is_frozen` is given the number of an input with its value,
+    /// `remember` the slot of an input with its value, if that is valid, and returns its last valid value.
     fn screen(
         channels: &[Channel],
         inputs: &mut M::Inputs,
+        mut is_frozen: impl FnMut(usize, f64) -> bool,
         mut remember: impl FnMut(usize, Option<f64>) -> Option<f64>,
     ) -> Status {
         let (mut status, mut measured) = (Status::OK, false);
-        let mut channels = channels.iter();
+        let mut channels = channels.iter().enumerate();
         inputs.map(&mut |value| {
-            let Some(channel) = channels.next() else { return value };
+            let Some((number, channel)) = channels.next() else { return value };
             if !channel.used {
                 status.raise_if(value.is_infinite(), Status::INFINITE);
                 return f64::NAN;
             }
-            let valid = value >= channel.low && value <= channel.high;
+            let within = value >= channel.low && value <= channel.high;
+            let value = if within && is_frozen(number, value) { f64::NAN } else { value };
+            let valid = within && !value.is_nan();
             let known = channel.slot.and_then(|slot| remember(slot, valid.then_some(value)));
             if !valid {
                 return channel.substitute(value, known, &mut status);
@@ -283,7 +290,9 @@ impl<M: Machine> Sampled<M> {
     #[cold]
     fn screened(&self, inputs: &M::Inputs) -> M::Inputs {
         let mut screened = inputs.clone();
-        Self::screen(&self.channels, &mut screened, |slot, value| value.or(self.state.last[slot]));
+        let State { last, frozen, .. } = &self.state;
+        let is_frozen = |number, value| frozen.repeats(number, value);
+        Self::screen(&self.channels, &mut screened, is_frozen, |slot, value| value.or(last[slot]));
         screened
     }
 }
@@ -325,6 +334,7 @@ impl<M: Machine> Estimator for Sampled<M> {
             machine: state,
             started: false,
             last: vec![None; channels.iter().filter(|channel| channel.slot.is_some()).count()],
+            frozen: FrozenInputs::new(channels.len()),
             silent: LONG_AGO,
             monitor: NisMonitor::default(),
             diagnostics: Diagnostics::default(),
@@ -344,11 +354,13 @@ impl<M: Machine> Estimator for Sampled<M> {
         let [given, screened] = self.taken.get_or_insert_with(Default::default);
         given.clone_from(inputs);
         screened.clone_from(inputs);
-        let last = &mut self.state.last;
-        let mut status = Self::screen(&self.channels, screened, |slot, value| {
+        let State { last, frozen, .. } = &mut self.state;
+        let is_frozen = |number, value| frozen.follow(number, value);
+        let mut status = Self::screen(&self.channels, screened, is_frozen, |slot, value| {
             last[slot] = value.or(last[slot]);
             last[slot]
         });
+        frozen.finish();
         let elapsed = Elapsed::of(self.state.started, dt, self.longest_gap);
         let outcome = self.machine.sample(&mut self.state.machine, screened, status, elapsed);
         status |= outcome.status;
@@ -396,12 +408,13 @@ impl<M: Machine> Estimator for Sampled<M> {
 
     fn predict_one_step(&self, inputs: &M::Inputs, dt: f64, into: &mut OneStepPrediction) {
         into.clear();
-        let State { machine, started, last, .. } = &self.state;
+        let State { machine, started, last, frozen, .. } = &self.state;
         if *started && !(dt > 0.0 && dt.is_finite()) {
             return;
         }
         let mut screened = inputs.clone();
-        let status = Self::screen(&self.channels, &mut screened, |slot, value| value.or(last[slot]));
+        let is_frozen = |number, value| frozen.repeats(number, value);
+        let status = Self::screen(&self.channels, &mut screened, is_frozen, |slot, value| value.or(last[slot]));
         let elapsed = Elapsed::of(*started, dt, self.longest_gap);
         self.machine.predict_one_step(machine, &screened, status, elapsed, into);
     }
@@ -422,7 +435,8 @@ impl<M: Machine> Estimator for Sampled<M> {
         if !all_finite(state) {
             return Err(StateError("it holds a number that is not finite"));
         }
-        if state.last.len() != self.state.last.len() || !state.monitor.is_valid() {
+        let seen = state.monitor.is_valid() && state.frozen.is_valid(self.channels.len());
+        if state.last.len() != self.state.last.len() || !seen {
             return Err(StateError("it is of an estimator with other inputs"));
         }
         self.machine.check(&state.machine)?;
