@@ -10,6 +10,7 @@ pub mod human_dynamics;
 pub mod lateness;
 pub mod nursing_robot;
 pub mod one_step;
+pub mod relative_delay;
 pub mod repetition;
 pub mod sampled;
 pub mod standstill;

@@ -27,7 +27,7 @@
 //! Stiffness and damping of the hip differ by half from person to person (`human.stiffness_pitch_std`, `damping_pitch_std`; `identify
 //! fit` brings both): as much of the motion that wheels alone show, and of the torques at the hip, is unknown. The posture is in
 //! `hip_torque_std` and `active_torque_std` with a tilt sensor too, since the two are only seen together. A tilt sensor is as good
-//! as its mounting (`sway.tilt_bias_std`, 0.01 rad; `tilt_rate_bias_std`), and may be late (`tilt_delay_std`). A force that nobody
+//! as its mounting (`sway.tilt_bias_std`, 0.01 rad; `tilt_rate_bias_std`), and may be late (`tilt_delay_std`, or as much as tilt and rate show beside one another). A force that nobody
 //! expected, such as a cough, may come again: for some seconds three deviations of `sway_force` contain one of that size.
 //! While driving, a load that changes shows when the robot accelerates; from then on `load_mass_std` contains the change that
 //! the innovations speak for, until the estimate has followed.

@@ -103,7 +103,8 @@
 //! start. The error of the wheels' radius (`chair.wheel_radius_std`, 0.02 by default) counts in the deviations of speed, distance, yaw
 //! rate, and of a heading that the encoders give, that of their difference (`wheel_radius_difference_std`, 0.007) in those of yaw rate and
 //! heading. Rolling resistance of which nobody knows takes the force of a slope: `initial.rolling_coefficient_std`, 0.0075, counts in slope
-//! and pitch, and in a heading that gravity gives. Encoders and gyro may be late (`filter.measurement_std.delay`). A reading of an encoder
+//! and pitch, and in a heading that gravity gives. Encoders and gyro may be late (`filter.measurement_std.delay`), the
+//! encoders by as much as they show beside the accelerometer. A reading of an encoder
 //! that repeats exactly while the wheel turns is no sample, for half a second; what stands then has stopped in an instant or is broken, and
 //! `speed_std` contains for some seconds that it may roll on.
 //!
@@ -147,6 +148,7 @@ mod belief;
 mod brake;
 mod contour;
 pub mod ekf;
+mod encoder_delay;
 mod forms;
 mod held;
 mod one_step;
@@ -181,6 +183,7 @@ use crate::model::wheelchair::{self as model, Chair, Command};
 use crate::{ParameterError, Status};
 use belief::{biases, of_kind};
 use ekf::{ChairEkf, Drive, Sample};
+use encoder_delay::EncoderDelay;
 use rest::{Bands, Rest, Signs};
 use serde::{Deserialize, Serialize};
 use watch::{GYRO, HEADING};
@@ -241,6 +244,7 @@ pub struct State {
     /// Of the rate at which the ground tilts, and of the speed.
     lateness: Lateness,
     speed_lateness: Lateness,
+    encoder_delay: EncoderDelay,
     /// Of all sensors.
     unchanged: Unchanged<6>,
     /// Speed of wheels that were expected to turn and did not, m/s; it fades.
@@ -473,6 +477,7 @@ impl Machine for ChairMachine {
             frame_turn: FrameTurn::default(),
             lateness: Lateness::default(),
             speed_lateness: Lateness::default(),
+            encoder_delay: EncoderDelay::default(),
             unchanged: Unchanged::default(),
             stopped: 0.0,
             rest: Rest::default(),
@@ -562,6 +567,8 @@ impl Machine for ChairMachine {
         state.frame_turn.watch(pitch_rate, self.basic.noise.gyro, dt);
         state.lateness.follow(state.belief.tilt_rate(), dt);
         state.speed_lateness.follow(state.belief.motion().0, dt);
+        let rolled = state.wheels.rolled(&self.chair);
+        state.encoder_delay.follow(rolled, inputs.accel_x, pitch_rate, self.chair.gravity, dt);
         let Inputs { encoder_left, encoder_right, gyro_pitch, accel_x, accel_y, accel_z, .. } = *inputs;
         state.unchanged.follow([encoder_left, encoder_right, gyro_pitch, accel_x, accel_y, accel_z], dt);
         status.raise_if(!state.belief.heading_is_observable(), Status::UNOBSERVABLE);
@@ -604,7 +611,10 @@ impl Machine for ChairMachine {
         if !state.belief.is_valid() {
             return Err(StateError("it holds a negative variance"));
         }
-        let followed = state.lateness.is_valid() && state.speed_lateness.is_valid() && state.unchanged.is_valid();
+        let followed = state.lateness.is_valid()
+            && state.speed_lateness.is_valid()
+            && state.encoder_delay.is_valid()
+            && state.unchanged.is_valid();
         if followed { Ok(()) } else { Err(StateError("its motion is not that of any chair")) }
     }
 }

@@ -121,6 +121,13 @@ impl Wheels {
         (right.started && left.started && pose.iter().all(|value| bounded(*value))).then_some(pose)
     }
 
+    /// How far the wheels right and left have rolled since their zeros, m; NaN for one that was not read at the last sample.
+    pub fn rolled(&self, chair: &Chair) -> [f64; 2] {
+        self.0.map(
+            |wheel| if wheel.started && wheel.age == 0.0 { chair.body.wheel_radius * wheel.angle } else { f64::NAN },
+        )
+    }
+
     /// Takes the readings right and left, NaN = missing; `speed` and `yaw_rate` are the estimates.
     pub fn read(
         &mut self,

@@ -40,6 +40,14 @@ pub(super) struct Readings {
     pub accel_x: Option<f64>,
 }
 
+impl Readings {
+    /// The torque that drives a vehicle of this speed, N m: all wheels' without their brakes'; NaN if none was measured.
+    pub fn whole_torque(&self, speed: f64) -> f64 {
+        let sum = |wheels: &Wheels| wheels.iter().sum::<f64>();
+        if self.torque_is_known { sum(&self.drive_torque) - sum(&self.brake_torque).copysign(speed) } else { f64::NAN }
+    }
+}
+
 /// A sample, if there is one.
 pub(super) fn sampled(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)

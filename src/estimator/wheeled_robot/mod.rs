@@ -57,8 +57,9 @@
 //!   that have not been sampled for more than a tenth of a second become as unknown within the half second after it, and so do
 //!   yaw rate and lateral speed where the gyro has no samples either.
 //! - Constant errors of the gyro, 0.005 rad/s and 2 % (`imu.gyro_z_bias_std`, `gyro_z_scale_std`), and 15 ms by which it may be late
-//!   (`gyro_z_delay_std`; [`lateness`](crate::estimator::lateness)) count in `yaw_rate_std`, those of the torques, 0.05 N.m
-//!   (`observer.torque_bias_std`), in `wheel_force_x_*_std`, the mass's, 5 % (`vehicle.mass_std`), in `wheel_load_*_std`.
+//!   (`gyro_z_delay_std`; [`lateness`](crate::estimator::lateness)), or by as much as it shows beside the wheels
+//!   ([`relative_delay`](crate::estimator::relative_delay)), count in `yaw_rate_std`, those of the torques, 0.05 N.m
+//!   (`observer.torque_bias_std`), and the delay that they show beside the accelerometer, in `wheel_force_x_*_std`, the mass's, 5 % (`vehicle.mass_std`), in `wheel_load_*_std`.
 //! - Until a speed has been measured the estimates are not healthy; the first one takes the place of one that is far from it.
 //! - A gyro whose reading repeats exactly while the steering asks for another yaw rate has no samples
 //!   ([`repetition`](crate::estimator::repetition)). Wheel speeds count as noisier than declared in the forces' deviations while they are.
@@ -160,6 +161,7 @@ pub use variables::{Inputs, Outputs};
 
 use super::lateness::Lateness;
 use super::one_step::{Belief, OneStepPrediction};
+use super::relative_delay::RelativeDelay;
 use super::repetition::Repetition;
 use super::sampled::LONG_AGO;
 use super::standstill::Standstill;
@@ -247,6 +249,9 @@ pub struct State {
     /// Of the yaw rate, and of the wheels' longitudinal forces.
     lateness: Lateness,
     force_lateness: [Lateness; 4],
+    /// Of the gyro beside the wheels, and of the torques beside the accelerometer.
+    gyro_delay: RelativeDelay,
+    torque_delay: RelativeDelay,
     /// Of gyro, accelerometer and wheel speeds.
     unchanged: Unchanged<7>,
     /// Of the gyro, beside the steering.
@@ -499,6 +504,8 @@ impl Machine for RobotMachine {
             unmodelled: Unmodelled::default(),
             lateness: Lateness::default(),
             force_lateness: [Lateness::default(); 4],
+            gyro_delay: RelativeDelay::default(),
+            torque_delay: RelativeDelay::default(),
             unchanged: Unchanged::default(),
             repetition: Repetition::default(),
             standstill: Standstill::default(),
@@ -570,6 +577,8 @@ impl Machine for RobotMachine {
         for (lateness, force) in state.force_lateness.iter_mut().zip(&state.forces.force) {
             lateness.follow(*force, dt);
         }
+        state.gyro_delay.follow(self.wheel_speed.yaw_rate(&readings), z[2], dt);
+        state.torque_delay.follow(inputs.accel_x, readings.whole_torque(state.belief.mean[0]), dt);
         let [fl, fr, rl, rr] =
             [inputs.wheel_speed_fl, inputs.wheel_speed_fr, inputs.wheel_speed_rl, inputs.wheel_speed_rr];
         state.unchanged.follow([inputs.gyro_z, inputs.accel_x, inputs.accel_y, fl, fr, rl, rr], dt);
@@ -640,6 +649,8 @@ impl Machine for RobotMachine {
             && state.unmodelled.is_valid()
             && state.lateness.is_valid()
             && state.force_lateness.iter().all(Lateness::is_valid)
+            && state.gyro_delay.is_valid()
+            && state.torque_delay.is_valid()
             && state.unchanged.is_valid()
             && state.repetition.is_valid()
             && state.agreement.iter().all(Agreement::is_valid);

@@ -74,7 +74,8 @@ impl RobotMachine {
         // torques that nobody samples may have become any that vehicles usually have
         let held = 0.25 * self.model.vehicle.mass * UNSEEN_ACCELERATION * forgotten(state.held_for);
         let by_held = if forces.by_torque { held } else { 0.0 };
-        let old = state.force_lateness.map(|lateness| lateness.std(state.unchanged.seconds()));
+        let late = state.unchanged.seconds().hypot(state.torque_delay.shown());
+        let old = state.force_lateness.map(|lateness| lateness.std(late));
         let longitudinal_std: Wheels = std::array::from_fn(|i| {
             forces.force_std[i].hypot(by_radius * forces.force[i]).hypot(by_held).hypot(old[i])
         });
@@ -99,7 +100,8 @@ impl RobotMachine {
     fn unfiltered_yaw_rate_std(&self, state: &State, yaw_rate: f64) -> f64 {
         let imu = &self.parameters.imu;
         let blind = forgotten(state.blind_for) * self.unseen_yaw_rate(state.belief.mean[0]);
-        let late = state.lateness.std(imu.gyro_z_delay_std.hypot(state.unchanged.seconds()));
+        let late = imu.gyro_z_delay_std.hypot(state.gyro_delay.shown()).hypot(state.unchanged.seconds());
+        let late = state.lateness.std(late);
         imu.gyro_z_bias_std.hypot(imu.gyro_z_scale_std * yaw_rate).hypot(late).hypot(blind)
     }
 

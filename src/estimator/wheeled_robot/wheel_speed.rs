@@ -124,6 +124,17 @@ impl WheelSpeed {
         (self.compliance * along.sqrt() / load * growth).min(LARGEST_SLIP).copysign(force)
     }
 
+    /// The yaw rate, rad/s, that the difference of the rear wheels shows, NaN if there is none: slip and radii are in it. The very same
+    /// speed of both is that of the shaft before a differential.
+    pub fn yaw_rate(&self, readings: &Readings) -> f64 {
+        match readings.speed {
+            [_, _, Some(left), Some(right)] if left != right => {
+                self.wheel.radius * (right - left) / self.vehicle.track_rear
+            }
+            _ => f64::NAN,
+        }
+    }
+
     /// Whether all wheels that have a sample stand; nothing if none has one.
     pub fn all_stand(&self, readings: &Readings) -> Option<bool> {
         let mut speeds = readings.speed.iter().flatten().peekable();

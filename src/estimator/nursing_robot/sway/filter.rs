@@ -125,6 +125,7 @@ impl SwayEstimator {
         }
         if N > 2 && self.use_channel[2] {
             state.lateness.follow(belief.mean[2], step.dt);
+            state.rate_delay.follow(z[1], z[2], step.dt);
         }
         if (belief.mean[1] - self.human.rest_pitch).abs() > self.pitch_limit {
             *belief = self.relaxed(belief.mean[0], self.initial_std[0]);

@@ -59,11 +59,12 @@ impl SwayEstimator {
     /// of the motion, rad.
     fn widen_measured(&self, state: &SwayState, estimate: &mut SwayEstimate) -> f64 {
         let [tilt, rate] = self.bias_std;
-        let tilt = tilt.hypot(self.delay_std * estimate.state[2].value).hypot(self.drift(state, rate));
+        let delay = self.delay_std.hypot(state.rate_delay.shown());
+        let tilt = tilt.hypot(delay * estimate.state[2].value).hypot(self.drift(state, rate));
         estimate.motion.std = estimate.motion.std.hypot(tilt);
         estimate.state[1].std = estimate.state[1].std.hypot(tilt);
         if self.use_channel[2] {
-            let late = state.lateness.std(self.delay_std);
+            let late = state.lateness.std(delay);
             estimate.state[2].std = estimate.state[2].std.hypot(rate).hypot(late);
         }
         tilt

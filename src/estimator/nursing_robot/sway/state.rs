@@ -3,6 +3,7 @@
 use super::{Form, SwayEstimator};
 use crate::estimator::lateness::Lateness;
 use crate::estimator::nursing_robot::status::SwayStatus;
+use crate::estimator::relative_delay::DelayOfRate;
 use crate::estimator::standstill::Standstill;
 use crate::filter::adaptation::{MeasurementNoise, ProcessScale, UnmodelledAcceleration};
 use crate::filter::gaussian::Gaussian;
@@ -44,6 +45,8 @@ pub struct SwayState {
     pub unmodelled: UnmodelledAcceleration,
     /// Of the pitch rate.
     pub(super) lateness: Lateness,
+    /// Of tilt and pitch rate beside one another.
+    pub(super) rate_delay: DelayOfRate,
     /// What the last step did.
     pub status: SwayStatus,
     /// Load mass of the last step, kg.
@@ -82,6 +85,7 @@ impl SwayState {
             && self.scale.is_valid()
             && self.unmodelled.is_valid()
             && self.lateness.is_valid()
+            && self.rate_delay.is_valid()
     }
 }
 
@@ -103,6 +107,7 @@ impl SwayEstimator {
             scale: ProcessScale::default(),
             unmodelled: UnmodelledAcceleration::default(),
             lateness: Lateness::default(),
+            rate_delay: DelayOfRate::default(),
             status: SwayStatus::Updated,
             mass: self.human.nominal_mass,
             force: None,
