@@ -215,7 +215,7 @@ LATE = [
 @pytest.mark.parametrize(("machine", "ride", "settings", "channel"), LATE, ids=[f"{x[0]} {x[1]} {x[3]}" for x in LATE])
 def test_a_long_delay_is_seen_within_a_second_of_motion(machine, ride, settings, channel, program):
     """Of the ten to twenty seconds of a ride; until then nothing tells it."""
-    assert dishonest(program("identify"), machine, ride, settings, {}, late(channel, 10), most=0.08) == {}
+    assert dishonest(program("identify"), machine, ride, settings, {}, late(channel, 10), most=0.1) == {}
 
 
 @pytest.mark.parametrize("begin", [3, 4, 5])
