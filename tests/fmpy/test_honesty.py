@@ -158,6 +158,7 @@ FAULTS = [
     ("rolling resistance not said", "wheelchair", "oblique", {}, {"plant.rolling_coefficient": 0.015}, None),
     ("force late", "wheelchair", "climb", {"filter.kind": "gravity_vector"}, {}, missing("drive_force", 0, 1)),
     ("no wheel speed", "wheeled-robot", "accelerate-brake", {}, {}, missing("wheel_speed_fl", 3, 4.5)),
+    ("no wheel speed while braking", "wheeled-robot", "accelerate-brake", {}, {}, missing("wheel_speed_fl", 4, 6)),
     ("no torques", "wheeled-robot", "vector", {}, {}, missing("drive_torque_*", 3, 4.5)),
     ("no samples at all", "wheeled-robot", "sine", {}, {}, missing("wheel_* drive_* steering_* gyro_* accel_*", 4, 4.7)),
     ("gyro off", "wheeled-robot", "sine", {}, {}, off("gyro_z", 0.01)),

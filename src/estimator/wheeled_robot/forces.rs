@@ -231,18 +231,16 @@ impl ForceObservers {
     ) {
         let (drive, brake, speed) = (readings.drive_torque[i], readings.brake_torque[i], readings.speed[i]);
         let rolling = self.rolling * predicted.load[i];
+        // a wheel without a speed is taken to roll with the vehicle: what its observer follows meanwhile may have turned back
+        let turning = speed.unwrap_or(predicted.x[0] / self.wheel.radius);
+        let torque = wheel_torque(drive, brake, turning, self.stop_speed, rolling);
         if speed.is_none() && !state.observers[i].started {
-            // No speed at all: the wheel is taken to roll with the vehicle.
-            let rolled = predicted.x[0] / self.wheel.radius;
-            let torque = wheel_torque(drive, brake, rolled, self.stop_speed, rolling);
             let inertial = self.wheel.inertia_force() * state.acceleration.unwrap_or(0.0);
             state.force[i] = (torque - inertial) / self.wheel.radius;
             let (bias, noise) = (self.knowledge.torque_bias, self.knowledge.torque_noise);
             state.force_std[i] = (noise * noise + bias * bias + inertial * inertial).sqrt() / self.wheel.radius;
             return;
         }
-        let turning = speed.unwrap_or(state.observers[i].speed);
-        let torque = wheel_torque(drive, brake, turning, self.stop_speed, rolling);
         let observer = &mut state.observers[i];
         for _ in 1..steps {
             self.observer.step(&self.wheel, observer, f64::NAN, torque, h);
