@@ -7,7 +7,7 @@ use super::brake::Brake;
 use super::contour::MOVING;
 use super::outliers::{ACCEL_X, downweight};
 use super::vibration::{LARGEST, LARGEST_DRIVEN};
-use super::watch::{HEADING, LEFT, TRAVEL, Watch};
+use super::watch::{GYRO, HEADING, LEFT, TRAVEL, Watch};
 use crate::filter::discretise::{runge_kutta, runge_kutta_from, substeps, transition};
 use crate::filter::ekf::{self, NotPositiveDefinite, Rows};
 use crate::filter::gaussian::Gaussian;
@@ -176,8 +176,6 @@ const FAR: f64 = 4.0;
 
 /// Row of the upward accelerometer.
 const UPWARD: usize = ACCEL_X + 2;
-/// Time for which a tilt of which little is known stays as wrong as it is, s.
-const TILT_LASTS: f64 = 1.0;
 
 /// Whether a row is so far from its prediction that something taken as given is not so.
 fn is_far<const N: usize>(rows: &Rows<N, 6>, row: usize, belief: &Gaussian<N>) -> bool {
@@ -285,7 +283,9 @@ impl<F> ChairEkf<F> {
             self.bridge_gap(belief, 0.0);
             rows = self.rows(belief, sample, drive);
         }
-        rows.noise[(UPWARD, UPWARD)] += self.second_order(belief, dt);
+        // It feels the cosine of the tilt. Where no gyro says how that changes, linear rows about one estimate after another would seem to tell it
+        // from the accelerometer's bias, which none of them does.
+        rows.used[UPWARD] &= rows.used[GYRO];
         let largest = if self.form.takes_acceleration() { LARGEST_DRIVEN } else { LARGEST };
         let gated = self.gate.deviations > 0.0;
         watch.vibration.add(&mut rows, self.noise.accel * self.noise.accel, dt, largest, gated);
@@ -300,18 +300,6 @@ impl<F> ChairEkf<F> {
         let mut done = self.correct_rows(belief, counters, &mut watch.brake, &mut rows, drive)?;
         done.sensors.rejected[LEFT] |= contradicted;
         Ok(done)
-    }
-
-    /// Variance of what the linear rows leave out of the upward accelerometer, m2/s4: it feels `g cos` of the tilt, which is `g tilt²/2` less than
-    /// `g`. While the tilt is unknown, as without a gyro, its rows along one estimate after another would seem to tell the tilt from the
-    /// bias, which none of them does. The error lasts as long as that of the tilt, so that samples of one stretch count as one.
-    fn second_order<const N: usize, const K: usize, const P: usize>(&self, belief: &Gaussian<N>, dt: f64) -> f64
-    where
-        F: Form<N, K, P>,
-    {
-        let tilt: f64 = F::TILT.iter().map(|state| belief.covariance[(*state, *state)]).sum();
-        let samples = if dt > 0.0 { (TILT_LASTS / dt).max(1.0) } else { 1.0 };
-        0.5 * (self.chair.gravity * tilt).powi(2) * samples
     }
 
     fn correct_rows<const N: usize, const K: usize, const P: usize>(

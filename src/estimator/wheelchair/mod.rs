@@ -108,6 +108,8 @@
 //! that repeats exactly while the wheel turns is no sample, for half a second; what stands then has stopped in an instant or is broken, and
 //! `speed_std` contains for some seconds that it may roll on.
 //!
+//! Without a sample of the gyro the upward accelerometer is left out, too: it feels the cosine of a tilt, which its unknown bias hides.
+//!
 //! On flat ground nothing measured gives the heading relative to the contour line: it rests on the initial heading and the
 //! encoders, and `status` says `unobservable`. Where the heading comes from gravity it is as good as the leftward
 //! accelerometer's bias is known: 25 to 70 mrad on a slope of 70, at a bias of 0.05 m/s2, of which `heading_std` contains 0.1
