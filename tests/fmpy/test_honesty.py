@@ -151,6 +151,7 @@ FAULTS = [
     # name, machine, ride, parameters, plant, what happens to the log
     ("sharp edge of a ramp, heading unknown", "wheelchair", "climb", {}, {"plant.slope_edge": 0.3}, None),
     ("encoders freeze", "wheelchair", "oblique", {"filter.kind": "gravity_vector"}, {}, frozen("encoder_*", 4, 4.3)),
+    ("never a gyro", "wheelchair", "climb", {"initial.heading": 1.5708}, {}, missing("gyro_pitch", 0, 60)),
     ("no gyro", "wheelchair", "climb", {"initial.heading": 1.5708}, {}, missing("gyro_pitch", 4.2, 6)),
     ("gyro freezes", "wheelchair", "climb", {"initial.heading": 1.5708}, {}, frozen("gyro_pitch", 4, 6)),
     ("accelerometer freezes", "wheelchair", "climb", {"initial.heading": 1.5708}, {}, frozen("accel_*", 4, 6)),
@@ -159,6 +160,9 @@ FAULTS = [
     ("force late", "wheelchair", "climb", {"filter.kind": "gravity_vector"}, {}, missing("drive_force", 0, 1)),
     ("no wheel speed", "wheeled-robot", "accelerate-brake", {}, {}, missing("wheel_speed_fl", 3, 4.5)),
     ("no wheel speed while braking", "wheeled-robot", "accelerate-brake", {}, {}, missing("wheel_speed_fl", 4, 6)),
+    ("never any torques", "wheeled-robot", "vector", {}, {}, missing("drive_torque_*", 0, 60)),
+    ("never any torques in a slalom", "wheeled-robot", "sine", {}, {}, missing("drive_torque_*", 0, 60)),
+    ("never a wheel speed", "wheeled-robot", "sine", {}, {}, missing("wheel_speed_fl", 0, 60)),
     ("no torques", "wheeled-robot", "vector", {}, {}, missing("drive_torque_*", 3, 4.5)),
     ("no samples at all", "wheeled-robot", "sine", {}, {}, missing("wheel_* drive_* steering_* gyro_* accel_*", 4, 4.7)),
     ("gyro off", "wheeled-robot", "sine", {}, {}, off("gyro_z", 0.01)),

@@ -12,6 +12,9 @@ use serde::{Deserialize, Serialize};
 
 /// Time constant of the accelerometer's low-pass where it gives the forces, s.
 const ACCELERATION_LAG: f64 = 0.03;
+/// What a wheel's speed changes in bends beside the vehicle's, over the lateral acceleration (one standard deviation): half a track times the yaw
+/// acceleration, and yaw rate times lateral speed.
+const IN_BENDS: f64 = 1.0 / 3.0;
 
 impl ForcedMotion for Wheel {
     fn acceleration(&self, torque: f64, force: f64) -> f64 {
@@ -32,7 +35,7 @@ pub(super) struct Readings {
     pub drive_torque: Wheels,
     /// Brake torques, N m, likewise.
     pub brake_torque: Wheels,
-    /// Whether any torque was ever measured.
+    /// Whether any drive torque was ever measured: without one a brake's says nothing of what drives.
     pub torque_is_known: bool,
     /// Wheel speeds, rad/s.
     pub speed: [Option<f64>; 4],
@@ -60,7 +63,7 @@ impl From<&Inputs> for Readings {
         Self {
             drive_torque: drive.map(Option::unwrap_or_default),
             brake_torque: brake.map(Option::unwrap_or_default),
-            torque_is_known: drive.iter().chain(&brake).any(Option::is_some),
+            torque_is_known: drive.iter().any(Option::is_some),
             speed: [i.wheel_speed_fl, i.wheel_speed_fr, i.wheel_speed_rl, i.wheel_speed_rr].map(sampled),
             accel_x: sampled(i.accel_x),
         }
@@ -235,10 +238,15 @@ impl ForceObservers {
         let turning = speed.unwrap_or(predicted.x[0] / self.wheel.radius);
         let torque = wheel_torque(drive, brake, turning, self.stop_speed, rolling);
         if speed.is_none() && !state.observers[i].started {
-            let inertial = self.wheel.inertia_force() * state.acceleration.unwrap_or(0.0);
+            let inertia = self.wheel.inertia_force();
+            let inertial = inertia * state.acceleration.unwrap_or(0.0);
             state.force[i] = (torque - inertial) / self.wheel.radius;
+            let [vx, _, r] = predicted.x;
+            let unseen = if state.acceleration.is_none() { UNSEEN_ACCELERATION } else { 0.0 };
+            let unknown = inertia * unseen.hypot(IN_BENDS * r * vx);
             let (bias, noise) = (self.knowledge.torque_bias, self.knowledge.torque_noise);
-            state.force_std[i] = (noise * noise + bias * bias + inertial * inertial).sqrt() / self.wheel.radius;
+            let variance = noise * noise + bias * bias + inertial * inertial + unknown * unknown;
+            state.force_std[i] = variance.sqrt() / self.wheel.radius;
             return;
         }
         let observer = &mut state.observers[i];

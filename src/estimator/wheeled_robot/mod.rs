@@ -8,7 +8,7 @@
 //! those of the tyres ([`model::tire`](crate::model::tire)). Measured are `a_x`, `a_y` (`filter.channels = patent`),
 //! the yaw rate as well (`gyro`), and the speed of the wheels or a reference as well (`wheel_speed`, the default).
 //!
-//! While no torque was ever measured the forces are those that explain the longitudinal acceleration, which then is no
+//! While no drive torque was ever measured the forces are those that explain the longitudinal acceleration, which then is no
 //! measurement any more. Without a wheel's speed its force is `(T - J ax/R)/R`. The last steering angle and torques
 //! hold.
 //!
@@ -45,7 +45,8 @@
 //! - A driven or braked wheel slips. What its force lets expect counts in `speed_x_std`: force over load times
 //!   `1/wheel.slip_stiffness`, or times 1/15 where none is given, and more near the friction (Dugoff's tyre). With a slip
 //!   stiffness the speed is corrected, and `wheel.slip_stiffness_std` of the correction counts.
-//! - Without torques nobody knows which axle drives: the deviation of the slip is that of an axle which does it alone.
+//! - Without torques nobody knows which axle drives: the deviation of the slip is that of an axle which does it alone. Nor does anybody know whether
+//!   wheels pull against one another, as to steer: `wheel_force_x_*_std` then contains a quarter of 2 m/s2 times the mass.
 //! - A tyre as soft along as its cornering stiffness allows across slips more than 1/15 of force over load: the gain is that of
 //!   usual tyres, `speed_x_std` contains the softer ones.
 //! - Where the yaw rate's innovations are larger than noise and errors of the constants explain, a force that the model

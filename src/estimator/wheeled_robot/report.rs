@@ -85,8 +85,10 @@ impl RobotMachine {
             let wheel = (&self.model.vehicle, i);
             self.constants.lateral_std(&uncertain, &cross, slopes[i], &grip, wheel).hypot(unmodelled)
         });
+        // without torques nobody knows whether wheels pull against one another, of which the acceleration shows the sum alone
+        let apart = if forces.by_torque { 0.0 } else { 0.25 * self.model.vehicle.mass * UNSEEN_ACCELERATION };
         [out.wheel_force_x_fl, out.wheel_force_x_fr, out.wheel_force_x_rl, out.wheel_force_x_rr] =
-            estimates(&forces.force, &longitudinal_std);
+            estimates(&forces.force, &longitudinal_std.map(|std| std.hypot(apart)));
         [out.wheel_force_y_fl, out.wheel_force_y_fr, out.wheel_force_y_rl, out.wheel_force_y_rr] =
             estimates(&grip.lateral, &lateral_std);
         [out.wheel_load_fl, out.wheel_load_fr, out.wheel_load_rl, out.wheel_load_rr] =
