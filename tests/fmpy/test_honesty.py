@@ -153,7 +153,7 @@ FAULTS = [
     ("encoders freeze", "wheelchair", "oblique", {"filter.kind": "gravity_vector"}, {}, frozen("encoder_*", 4, 4.3)),
     ("never a gyro", "wheelchair", "climb", {"initial.heading": 1.5708}, {}, missing("gyro_pitch", 0, 60)),
     ("no gyro", "wheelchair", "climb", {"initial.heading": 1.5708}, {}, missing("gyro_pitch", 4.2, 6)),
-    ("gyro freezes", "wheelchair", "climb", {"initial.heading": 1.5708}, {}, frozen("gyro_pitch", 4, 6)),
+    ("the chair's gyro freezes", "wheelchair", "climb", {"initial.heading": 1.5708}, {}, frozen("gyro_pitch", 4, 6)),
     ("accelerometer freezes", "wheelchair", "climb", {"initial.heading": 1.5708}, {}, frozen("accel_*", 4, 6)),
     ("one wheel smaller", "wheelchair", "climb", {"initial.heading": 1.5708}, {}, scaled("encoder_left", 0.99)),
     ("rolling resistance not said", "wheelchair", "oblique", {}, {"plant.rolling_coefficient": 0.015}, None),
