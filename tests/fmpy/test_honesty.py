@@ -170,6 +170,8 @@ FAULTS = [
     ("gyro held", "wheeled-robot", "sine", {}, {}, held("gyro_z", 5)),
     ("gyro freezes", "wheeled-robot", "lane-change", {}, {}, frozen("gyro_z", 4, 6)),
     ("gyro freezes on a straight", "wheeled-robot", "vector", {}, {}, frozen("gyro_z", 4, 6)),
+    ("wheel speeds freeze", "wheeled-robot", "lane-change", {}, {}, frozen("wheel_speed_*", 4, 6)),
+    ("everything freezes", "wheeled-robot", "lane-change", {}, {}, frozen("wheel_* drive_* steering_* gyro_* accel_*", 4, 6)),
     ("steering freezes", "wheeled-robot", "sine", {}, {}, frozen("steering_angle", 4, 6)),
     ("lateral accelerometer freezes", "wheeled-robot", "sine", {}, {}, frozen("accel_y", 4, 6)),
     ("torques freeze", "wheeled-robot", "sine", {}, {}, frozen("drive_torque_*", 4, 6)),
