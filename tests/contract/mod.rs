@@ -211,6 +211,53 @@ for_all! {
     }
 }
 
+/// [`wave`] with noise on every input.
+fn noisy_wave<I: Variables + Default>(declared: &[Variable], k: usize, random: &mut impl FnMut() -> f64) -> I {
+    let mut inputs: I = wave(declared, k);
+    let flat: Vec<f64> = declared
+        .iter()
+        .zip(inputs.to_vec())
+        .map(|(input, value)| value + 0.1 * random() * input.range.1.min(-input.range.0).min(5.0))
+        .collect();
+    inputs.read(&flat);
+    inputs
+}
+
+for_all! {
+    /// Each input by itself, beside others that go on: what noise turned until then and repeats now is no sample; what had no noise may repeat.
+    fn a_noisy_reading_that_repeats_is_no_sample<E>() {
+        let declared = E::Inputs::declare();
+        let mut seed = 1_u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (seed >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        };
+        for noisy in [true, false] {
+            let mut inputs = |k: usize| match noisy {
+                true => noisy_wave::<E::Inputs>(&declared, k, &mut random),
+                false => wave(&declared, k),
+            };
+            let mut estimator = new::<E>();
+            let dt = estimator.sample_period();
+            (0..100).for_each(|k| _ = estimator.step(&inputs(k), dt));
+            let last = inputs(100);
+            estimator.step(&last, dt);
+            for (index, value) in last.to_vec().into_iter().enumerate() {
+                let mut frozen = estimator.clone();
+                (101..140).for_each(|k| _ = frozen.step(&set(&inputs(k), index, value), dt));
+                let (mut missing, next) = (frozen.clone(), inputs(140));
+                let status = frozen.step(&set(&next, index, value), dt);
+                let same = status == missing.step(&set(&next, index, f64::NAN), dt) && machine(&frozen) == machine(&missing);
+                // of some sensors without noise another one tells that they are old
+                let alone = noisy || matches!(declared[index].unit, "N" | "N.m" | "m/s2");
+                // an input that is not used is never missed
+                let used = status.intersects(Status::MISSING | Status::HELD_INPUT) || !same;
+                assert!(!(used && alone) || same == noisy, "{} {}, noisy: {noisy}: {status}", E::NAME, declared[index].name);
+            }
+        }
+    }
+}
+
 for_all! {
     /// Sensors that jump about within their ranges contradict any model; no machine may call that healthy.
     fn absurd_measurements_contradict_and_are_not_healthy<E>() {
