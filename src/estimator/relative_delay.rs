@@ -104,6 +104,12 @@ impl RelativeDelay {
         self.kept.delay
     }
 
+    /// How late a sensor may be, s (one standard deviation), that is said to be late by `declared` at most: by this, or by more if that is
+    /// shown. 0 says that it is not late.
+    pub fn beside(&self, declared: f64) -> f64 {
+        if declared > 0.0 { declared.max(self.shown()) } else { 0.0 }
+    }
+
     /// What the products say now; nothing if the signals do not follow one another.
     fn shown_now(&self) -> Option<Shown> {
         let c = &self.products;
@@ -161,6 +167,11 @@ impl DelayOfRate {
     /// The delay that they show beyond chance, s.
     pub fn shown(&self) -> f64 {
         self.delay.shown()
+    }
+
+    /// As [`RelativeDelay::beside`].
+    pub fn beside(&self, declared: f64) -> f64 {
+        self.delay.beside(declared)
     }
 
     /// Whether the numbers can have come from [`follow`](Self::follow).
@@ -241,5 +252,6 @@ mod tests {
         let before = delay;
         (0..1000).for_each(|_| delay.follow(f64::NAN, 2.0, 0.01));
         assert_eq!((delay.shown(), delay.products), (0.0, before.products));
+        assert_eq!([delay.beside(0.0), delay.beside(0.015)], [0.0, 0.015]);
     }
 }

@@ -39,9 +39,9 @@ impl EncoderDelay {
         }
     }
 
-    /// The delay that they show beyond chance, s.
-    pub fn shown(&self) -> f64 {
-        self.delay.shown()
+    /// How late they may be, s, that are said to be late by `declared` ([`beside`](crate::estimator::relative_delay::RelativeDelay::beside)).
+    pub fn beside(&self, declared: f64) -> f64 {
+        self.delay.beside(declared)
     }
 
     /// Whether the numbers can have come from [`follow`](Self::follow).

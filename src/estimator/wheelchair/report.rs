@@ -33,11 +33,6 @@ impl ChairBelief {
     }
 }
 
-/// How late the encoders show to be, and how long nothing new was read, s.
-fn seen_late(state: &State) -> f64 {
-    state.encoder_delay.shown().hypot(state.unchanged.seconds())
-}
-
 /// One state, carried forward to `mean`, with its standard deviation.
 fn estimate<const N: usize>(mean: &SVector<f64, N>, belief: &Gaussian<N>, index: usize) -> Estimate {
     Estimate::new(mean[index], belief.std(index))
@@ -128,7 +123,8 @@ impl ChairMachine {
 
     /// How late what was read may be, s (one standard deviation): as sensors are, as these show, and as long as nothing new was read.
     fn delay(&self, state: &State) -> f64 {
-        self.parameters.filter.measurement_std.delay.hypot(seen_late(state))
+        let declared = self.parameters.filter.measurement_std.delay;
+        state.encoder_delay.beside(declared).hypot(state.unchanged.seconds())
     }
 
     /// Counts what the encoders cannot tell: errors of the wheels' radius, the frame that they sit on, where their zeros are, how late
@@ -137,7 +133,9 @@ impl ChairMachine {
         let relative = self.parameters.chair.wheel_radius_std;
         let turning = self.turning() * outputs.speed.value;
         let delay = self.delay(state);
-        let slower = state.speed_lateness.std(seen_late(state));
+        // within the declared delay a chair's speed changes by no more than the filter's deviation
+        let declared = self.parameters.filter.measurement_std.delay;
+        let slower = state.speed_lateness.std((delay * delay - declared * declared).max(0.0).sqrt());
         let travelled = (delay * outputs.speed.value).hypot(state.zeros[0].sqrt());
         outputs.heading.std = outputs.heading.std.hypot(delay * outputs.yaw_rate.value);
         for (estimate, frame) in [

@@ -102,8 +102,7 @@ impl RobotMachine {
     fn unfiltered_yaw_rate_std(&self, state: &State, yaw_rate: f64) -> f64 {
         let imu = &self.parameters.imu;
         let blind = forgotten(state.blind_for) * self.unseen_yaw_rate(state.belief.mean[0]);
-        let late = imu.gyro_z_delay_std.hypot(state.gyro_delay.shown()).hypot(state.unchanged.seconds());
-        let late = state.lateness.std(late);
+        let late = state.lateness.std(state.gyro_delay.beside(imu.gyro_z_delay_std).hypot(state.unchanged.seconds()));
         imu.gyro_z_bias_std.hypot(imu.gyro_z_scale_std * yaw_rate).hypot(late).hypot(blind)
     }
 
