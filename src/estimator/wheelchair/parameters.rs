@@ -118,7 +118,7 @@ crate::variables! {
         accel: f64 = 0.05, "m/s2", [1e-9, 100.0], tunable, measurement_noise;
         /// Standard deviation of the slope's second derivative, which the accelerometer feels through its lever.
         slope_acceleration: f64 = 1.0, "rad/s2", [0.0, 1e3], tunable, measurement_noise;
-        /// Standard deviation of the time by which the samples of encoders and gyro come late, which counts in the deviations of distance, heading and slope rate.
+        /// Standard deviation of the time by which the samples of encoders and gyro come late, which counts in the deviations of distance, heading and slope rate. A longer one that the encoders show beside the accelerometer takes its place, and counts in that of the speed, unless it is 0.
         delay: f64 = 0.015, "s", [0.0, 1.0], tunable;
         /// Standard deviation of the speed of a chair that stands still.
         standstill_speed: f64 = 2e-3, "m/s", [1e-9, 1.0], tunable, measurement_noise;

@@ -1,6 +1,7 @@
 //! What the filter expected of a sample.
 
-use super::{Inputs, Measured, RobotMachine, State};
+use super::measure::Measured;
+use super::{Inputs, RobotMachine, State};
 use crate::estimator::Elapsed;
 use crate::estimator::one_step::{OneStepPrediction, PredictedMeasurement};
 use crate::model::wheeled_robot::{Motion, specific_force_at};

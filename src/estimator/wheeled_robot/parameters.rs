@@ -153,7 +153,7 @@ variables! {
         gyro_z_bias_std: f64 = 0.005, "rad/s", [0.0, 10.0], tunable;
         /// Relative standard deviation of gyro_z's scale, which counts in that of the yaw rate.
         gyro_z_scale_std: f64 = 0.02, "1", [0.0, 1.0], tunable;
-        /// Standard deviation of the time by which the samples of gyro_z come late, which counts in that of the yaw rate.
+        /// Standard deviation of the time by which the samples of gyro_z come late, which counts in that of the yaw rate. A longer one that they show beside the wheels takes its place, unless it is 0.
         gyro_z_delay_std: f64 = 0.015, "s", [0.0, 1.0], tunable;
     }
 }
