@@ -8,7 +8,8 @@
 //!
 //! so that the linear regression of `y` on `x` and `x'` gives the delay and its standard error. Neither the gain `g` need be known
 //! (a radius, a mass, wheels that slip) nor the offset `c` (a bias, a slope), which may change within seconds: all three are taken
-//! without their slow part. Both signals go through the same low-pass, critically damped, whose two states differ by `x'` times its
+//! without their slow part. It is how Lucas and Kanade find the displacement of an image (*An iterative image registration technique with
+//! an application to stereo vision*, IJCAI 1981, 674-679), in one dimension. Both signals go through the same low-pass, critically damped, whose two states differ by `x'` times its
 //! time constant.
 //!
 //! Which of the two is late it does not tell. It says nothing before they have moved for seconds, and nothing of two signals that are
@@ -32,6 +33,8 @@ const CHANCE: f64 = 3.0;
 const LONGEST: f64 = 0.1;
 /// Longest delay, s.
 const MOST: f64 = 0.3;
+/// Time in which the integral of a rate fades, s.
+const FADES: f64 = 1.0;
 
 /// What is remembered of the two signals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -106,7 +109,7 @@ impl RelativeDelay {
 
     /// How late a sensor may be, s (one standard deviation), that is said to be late by `declared` at most: by this, or by more if that is
     /// shown. 0 says that it is not late.
-    pub fn beside(&self, declared: f64) -> f64 {
+    pub fn delay_std(&self, declared: f64) -> f64 {
         if declared > 0.0 { declared.max(self.shown()) } else { 0.0 }
     }
 
@@ -146,9 +149,6 @@ pub struct DelayOfRate {
     begun: bool,
 }
 
-/// Time in which the integral fades, s.
-const FADES: f64 = 1.0;
-
 impl DelayOfRate {
     /// Takes the signal and its rate `dt` seconds after those before; NaN is none.
     pub fn follow(&mut self, signal: f64, rate: f64, dt: f64) {
@@ -164,14 +164,9 @@ impl DelayOfRate {
         self.delay.follow(self.integral, signal - self.slow, dt);
     }
 
-    /// The delay that they show beyond chance, s.
-    pub fn shown(&self) -> f64 {
-        self.delay.shown()
-    }
-
-    /// As [`RelativeDelay::beside`].
-    pub fn beside(&self, declared: f64) -> f64 {
-        self.delay.beside(declared)
+    /// As [`RelativeDelay::delay_std`].
+    pub fn delay_std(&self, declared: f64) -> f64 {
+        self.delay.delay_std(declared)
     }
 
     /// Whether the numbers can have come from [`follow`](Self::follow).
@@ -240,7 +235,8 @@ mod tests {
                 let t = 0.01 * f64::from(k);
                 delay.follow(4.0 + motion(t), rate(t - late) + 0.1, 0.01);
             }
-            assert!((delay.shown() - late).abs() < 0.1 * late + 0.005, "{late}: {}", delay.shown());
+            let shown = delay.delay.shown();
+            assert!((shown - late).abs() < 0.1 * late + 0.005, "{late}: {shown}");
         }
     }
 
@@ -252,6 +248,6 @@ mod tests {
         let before = delay;
         (0..1000).for_each(|_| delay.follow(f64::NAN, 2.0, 0.01));
         assert_eq!((delay.shown(), delay.products), (0.0, before.products));
-        assert_eq!([delay.beside(0.0), delay.beside(0.015)], [0.0, 0.015]);
+        assert_eq!([delay.delay_std(0.0), delay.delay_std(0.015)], [0.0, 0.015]);
     }
 }

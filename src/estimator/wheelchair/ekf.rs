@@ -7,7 +7,7 @@ use super::brake::Brake;
 use super::contour::MOVING;
 use super::outliers::{ACCEL_X, downweight};
 use super::vibration::{LARGEST, LARGEST_DRIVEN};
-use super::watch::{GYRO, HEADING, LEFT, TRAVEL, Watch};
+use super::watch::{GYRO, HEADING, LEFT, TRAVEL, UPWARD, Watch};
 use crate::filter::discretise::{runge_kutta, runge_kutta_from, substeps, transition};
 use crate::filter::ekf::{self, NotPositiveDefinite, Rows};
 use crate::filter::gaussian::Gaussian;
@@ -173,9 +173,6 @@ const UNKNOWN_RATE: f64 = 2.0;
 const UNKNOWN_TILT: f64 = 0.1;
 /// Travel of the first samples that is so many standard deviations from the expected is that of another speed at the start.
 const FAR: f64 = 4.0;
-
-/// Row of the upward accelerometer.
-const UPWARD: usize = ACCEL_X + 2;
 
 /// Whether a row is so far from its prediction that something taken as given is not so.
 fn is_far<const N: usize>(rows: &Rows<N, 6>, row: usize, belief: &Gaussian<N>) -> bool {

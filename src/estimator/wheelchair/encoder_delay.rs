@@ -39,9 +39,9 @@ impl EncoderDelay {
         }
     }
 
-    /// How late they may be, s, that are said to be late by `declared` ([`beside`](crate::estimator::relative_delay::RelativeDelay::beside)).
-    pub fn beside(&self, declared: f64) -> f64 {
-        self.delay.beside(declared)
+    /// How late they may be, s, that are said to be late by `declared` ([`delay_std`](crate::estimator::relative_delay::RelativeDelay::delay_std)).
+    pub fn delay_std(&self, declared: f64) -> f64 {
+        self.delay.delay_std(declared)
     }
 
     /// Whether the numbers can have come from [`follow`](Self::follow).

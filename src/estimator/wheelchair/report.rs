@@ -124,7 +124,7 @@ impl ChairMachine {
     /// How late what was read may be, s (one standard deviation): as sensors are, as these show, and as long as nothing new was read.
     fn delay(&self, state: &State) -> f64 {
         let declared = self.parameters.filter.measurement_std.delay;
-        state.encoder_delay.beside(declared).hypot(state.unchanged.seconds())
+        state.encoder_delay.delay_std(declared).hypot(state.unchanged.seconds())
     }
 
     /// Counts what the encoders cannot tell: errors of the wheels' radius, the frame that they sit on, where their zeros are, how late

@@ -14,8 +14,9 @@ use crate::filter::ekf::Rows;
 use crate::filter::gaussian::Gaussian;
 use serde::{Deserialize, Serialize};
 
-/// Row of the leftward accelerometer.
+/// Rows of the leftward and the upward accelerometer.
 pub(super) const LEFT: usize = ACCEL_X + 1;
+pub(super) const UPWARD: usize = ACCEL_X + 2;
 /// Rows of distance, heading and gyro.
 pub(super) const TRAVEL: usize = 0;
 pub(super) const HEADING: usize = 1;

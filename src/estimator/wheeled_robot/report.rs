@@ -72,8 +72,8 @@ impl RobotMachine {
         // a torque makes its force on the radius
         let by_radius = if forces.by_torque { self.parameters.wheel.radius_std } else { 0.0 };
         // torques that nobody samples may have become any that vehicles usually have
-        let held = 0.25 * self.model.vehicle.mass * UNSEEN_ACCELERATION * forgotten(state.held_for);
-        let by_held = if forces.by_torque { held } else { 0.0 };
+        let any = 0.25 * self.model.vehicle.mass * UNSEEN_ACCELERATION;
+        let by_held = if forces.by_torque { any * forgotten(state.held_for) } else { 0.0 };
         let late = state.unchanged.seconds().hypot(state.torque_delay.shown());
         let old = state.force_lateness.map(|lateness| lateness.std(late));
         let longitudinal_std: Wheels = std::array::from_fn(|i| {
@@ -86,7 +86,7 @@ impl RobotMachine {
             self.constants.lateral_std(&uncertain, &cross, slopes[i], &grip, wheel).hypot(unmodelled)
         });
         // without torques nobody knows whether wheels pull against one another, of which the acceleration shows the sum alone
-        let apart = if forces.by_torque { 0.0 } else { 0.25 * self.model.vehicle.mass * UNSEEN_ACCELERATION };
+        let apart = if forces.by_torque { 0.0 } else { any };
         [out.wheel_force_x_fl, out.wheel_force_x_fr, out.wheel_force_x_rl, out.wheel_force_x_rr] =
             estimates(&forces.force, &longitudinal_std.map(|std| std.hypot(apart)));
         [out.wheel_force_y_fl, out.wheel_force_y_fr, out.wheel_force_y_rl, out.wheel_force_y_rr] =
@@ -102,7 +102,8 @@ impl RobotMachine {
     fn unfiltered_yaw_rate_std(&self, state: &State, yaw_rate: f64) -> f64 {
         let imu = &self.parameters.imu;
         let blind = forgotten(state.blind_for) * self.unseen_yaw_rate(state.belief.mean[0]);
-        let late = state.lateness.std(state.gyro_delay.beside(imu.gyro_z_delay_std).hypot(state.unchanged.seconds()));
+        let late =
+            state.lateness.std(state.gyro_delay.delay_std(imu.gyro_z_delay_std).hypot(state.unchanged.seconds()));
         imu.gyro_z_bias_std.hypot(imu.gyro_z_scale_std * yaw_rate).hypot(late).hypot(blind)
     }
 

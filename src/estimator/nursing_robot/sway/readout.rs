@@ -59,7 +59,7 @@ impl SwayEstimator {
     /// of the motion, rad.
     fn widen_measured(&self, state: &SwayState, estimate: &mut SwayEstimate) -> f64 {
         let [tilt, rate] = self.bias_std;
-        let delay = state.rate_delay.beside(self.delay_std);
+        let delay = state.rate_delay.delay_std(self.delay_std);
         let tilt = tilt.hypot(delay * estimate.state[2].value).hypot(self.drift(state, rate));
         estimate.motion.std = estimate.motion.std.hypot(tilt);
         estimate.state[1].std = estimate.state[1].std.hypot(tilt);
