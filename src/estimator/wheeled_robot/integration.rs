@@ -1,14 +1,13 @@
 //! The model made discrete, fine enough at every speed.
 
-use super::parameters::{Method, Parameters};
+use super::parameters::{MOST_SUBSTEPS, Method, Parameters};
 use crate::ParameterError;
 use crate::filter::discretise::runge_kutta;
 use crate::model::wheeled_robot::{Driven, Motion, WheeledRobot};
 use nalgebra::SMatrix;
 
-/// Steps per sample where the parameters leave it open: as many as this, or as are needed up to so many.
+/// Steps per sample where the parameters leave it open, or as many more as are needed.
 const USUAL: f64 = 3.0;
-const MOST: f64 = 1000.0;
 
 /// How the equations of motion are made discrete.
 #[derive(Clone, Debug)]
@@ -37,7 +36,7 @@ impl Integration {
         let rate = model.lateral_rate(minimum_speed);
         let needed = (rate * p.sample_period / stable).ceil();
         let most = match p.filter.substeps.unsigned_abs() {
-            0 => needed.clamp(USUAL, MOST) as u32,
+            0 => needed.clamp(USUAL, f64::from(MOST_SUBSTEPS)) as u32,
             most => most,
         };
         if f64::from(most) >= needed {

@@ -35,6 +35,9 @@ choice! {
     }
 }
 
+/// Most steps of the integrator per sample that can be asked for.
+pub(super) const MOST_SUBSTEPS: i32 = 1000;
+
 variables! {
     /// Noise of what the wheel-force observer is given (one standard deviation), for wheel_force_x_*_std.
     pub struct ObserverMeasurementStd {
@@ -134,7 +137,7 @@ variables! {
         /// How the equations of motion are made discrete.
         integrator: Method = Method::Euler, "1";
         /// Most steps of the integrator per sample, fewer at higher speed. Euler needs (lateral rate at the minimum speed) * sample_period <= substeps. 0: three, or as many as it needs.
-        substeps: i32 = 0, "1", [0, 1000];
+        substeps: i32 = 0, "1", [0, MOST_SUBSTEPS];
     }
 }
 
