@@ -1,5 +1,7 @@
 //! From continuous to discrete time.
 
+use super::gaussian::add_scaled;
+use multiversion::multiversion;
 use nalgebra::SMatrix;
 
 /// One classical Runge-Kutta step of `x' = derivative(x)` over `dt`; of several states side by side, one per column.
@@ -26,24 +28,22 @@ pub fn runge_kutta_from<const N: usize, const K: usize>(
 
 /// The first `K` rows of the transition matrix to second order, `I + A + A^2/2` with `A = F dt`, from the
 /// first `K` rows of the Jacobian `F`; the other states do not move.
+#[multiversion(targets("x86_64+avx+avx2"))]
 pub fn transition<const K: usize, const N: usize>(jacobian: &SMatrix<f64, K, N>, dt: f64) -> SMatrix<f64, K, N> {
-    let a = jacobian * dt;
-    let mut phi = a;
-    for j in 0..N {
-        let mut column = phi.data.0[j];
+    let (f, half) = (&jacobian.data.0, 0.5 * dt * dt);
+    let mut phi = SMatrix::<f64, K, N>::zeros();
+    for (j, (phi, column)) in phi.data.0.iter_mut().zip(f).enumerate() {
+        let mut sum = column.map(|rate| rate * dt);
         for k in 0..K {
             // A Jacobian is mostly zeros.
-            let factor = 0.5 * a[(k, j)];
-            if factor != 0.0 {
-                for i in 0..K {
-                    column[i] += a[(i, k)] * factor;
-                }
+            if column[k] != 0.0 {
+                add_scaled(&mut sum, &f[k], half * column[k]);
             }
         }
-        phi.data.0[j] = column;
-    }
-    for k in 0..K {
-        phi[(k, k)] += 1.0;
+        if j < K {
+            sum[j] += 1.0;
+        }
+        *phi = sum;
     }
     phi
 }

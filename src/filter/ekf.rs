@@ -111,7 +111,8 @@ pub fn correct_beside<const N: usize, const M: usize>(
     let adds = beside.as_ref().map_or([0.0; M], |(_, adds)| *adds);
     let mut aside = beside.as_ref().map(|(beside, _)| **beside);
     let rows = Independent::of(rows, adds, &used);
-    let mut p = belief.covariance;
+    let before = *belief;
+    let p = &mut belief.covariance;
     let mut change = [0.0; N];
     for row in 0..M {
         if !outcome.used[row] {
@@ -119,9 +120,10 @@ pub fn correct_beside<const N: usize, const M: usize>(
         }
         let (h, noise) = (&rows.jacobian[row], rows.noise[row]);
         // Held in memory as it is: taken apart number by number it would cost the chair a twentieth more instructions.
-        let cross = std::hint::black_box(combination(&p, h));
+        let cross = std::hint::black_box(combination(p, h));
         let variance = dot(h, &cross) + noise;
         if !(variance > 0.0 && variance < f64::INFINITY) {
+            *belief = before;
             return Err(NotPositiveDefinite);
         }
         let innovation = rows.innovation[row] - dot(h, &change);
@@ -132,7 +134,7 @@ pub fn correct_beside<const N: usize, const M: usize>(
         if noise < SHORT_FORM * variance {
             let gain = cross.map(|c| c / variance);
             add_scaled(&mut change, &gain, innovation);
-            joseph(&mut p, h, noise, &cross, &gain);
+            joseph(p, h, noise, &cross, &gain);
         } else {
             // Symmetric up to rounding, and in the end from its lower half.
             add_scaled(&mut change, &cross, innovation * inverse);
@@ -148,13 +150,13 @@ pub fn correct_beside<const N: usize, const M: usize>(
             p[(i, j)] = p[(j, i)];
         }
     }
-    let mean = belief.mean + SVector::from(change);
+    belief.mean += SVector::from(change);
     // A sum is finite only if all that it adds is.
-    let sum = (0..N).fold(mean, |sum, j| sum + p.column(j));
+    let sum = (0..N).fold(belief.mean, |sum, j| sum + p.column(j));
     if !sum.sum().is_finite() {
+        *belief = before;
         return Err(NotPositiveDefinite);
     }
-    *belief = Gaussian { mean, covariance: p };
     if let (Some((beside, _)), Some(aside)) = (beside, aside) {
         *beside = aside;
     }

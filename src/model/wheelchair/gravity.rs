@@ -163,7 +163,7 @@ pub fn tilt_levers(chair: &Chair) -> [Vector3<f64>; 2] {
 
 /// Size of the tilt `sin(xi) = |(gx, gy)|`, at most 1, and the unit vector along it in body axes; on flat ground any.
 pub fn tilt(x: &State) -> (f64, [f64; 2]) {
-    let tilt = x[GX].hypot(x[GY]).min(1.0);
+    let tilt = (x[GX] * x[GX] + x[GY] * x[GY]).sqrt().min(1.0);
     (tilt, if tilt > LEVEL { [x[GX] / tilt, x[GY] / tilt] } else { [1.0, 0.0] })
 }
 
