@@ -306,6 +306,19 @@ impl Estimate {
     pub const fn new(value: f64, std: f64) -> Self {
         Self { value, std }
     }
+
+    /// Counts an independent error with this standard deviation.
+    #[inline]
+    pub fn widen(&mut self, std: f64) {
+        self.std = root_sum_square([self.std, std]);
+    }
+}
+
+/// Standard deviation of the sum of independent errors with these standard deviations, at most the largest number. (`hypot`, which
+/// is exact for the largest and the smallest numbers too, is a call of some forty instructions.)
+#[inline]
+pub fn root_sum_square<const N: usize>(stds: [f64; N]) -> f64 {
+    stds.iter().map(|std| std * std).sum::<f64>().sqrt().min(f64::MAX)
 }
 
 impl Field for Estimate {

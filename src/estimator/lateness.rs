@@ -13,34 +13,46 @@ const TIME: f64 = 0.05;
 /// Time in which a change fades, s: bodies and vehicles swing with a period of one to two.
 const FADES: f64 = 0.75;
 
-/// How much a signal has changed of late.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Lateness {
-    smoothed: f64,
-    change: f64,
+/// How much each of `N` signals has changed of late.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lateness<const N: usize> {
+    #[serde(with = "crate::filter::array")]
+    smoothed: [f64; N],
+    #[serde(with = "crate::filter::array")]
+    change: [f64; N],
 }
 
-impl Lateness {
-    /// Of a signal that begins at this value.
-    pub fn at(value: f64) -> Self {
-        Self { smoothed: value, change: 0.0 }
+impl<const N: usize> Default for Lateness<N> {
+    fn default() -> Self {
+        Self::at([0.0; N])
+    }
+}
+
+impl<const N: usize> Lateness<N> {
+    /// Of signals that begin at these values.
+    pub fn at(values: [f64; N]) -> Self {
+        Self { smoothed: values, change: [0.0; N] }
     }
 
-    /// Takes the signal `dt` seconds after the value before.
-    pub fn follow(&mut self, value: f64, dt: f64) {
-        let ahead = value - self.smoothed;
-        self.change = self.change.max(ahead.abs()) * (-dt / FADES).exp();
-        self.smoothed = value - ahead * (-dt / TIME).exp();
+    /// Takes the signals `dt` seconds after the values before.
+    pub fn follow(&mut self, values: [f64; N], dt: f64) {
+        let (kept, behind) = ((-dt / FADES).exp(), (-dt / TIME).exp());
+        for ((smoothed, change), value) in self.smoothed.iter_mut().zip(&mut self.change).zip(values) {
+            let ahead = value - *smoothed;
+            *change = change.max(ahead.abs()) * kept;
+            *smoothed = value - ahead * behind;
+        }
     }
 
-    /// Standard deviation of the signal's error where its samples come late by `late` seconds (one standard deviation).
-    pub fn std(&self, late: f64) -> f64 {
-        self.change * (late / TIME)
+    /// Standard deviation of a signal's error where its samples come late by `late` seconds (one standard deviation).
+    pub fn std(&self, signal: usize, late: f64) -> f64 {
+        self.change[signal] * (late / TIME)
     }
 
     /// Whether the numbers can have come from [`follow`](Self::follow).
     pub fn is_valid(&self) -> bool {
-        bounded(self.smoothed) && bounded(self.change) && self.change >= 0.0
+        self.smoothed.iter().chain(&self.change).all(|value| bounded(*value))
+            && self.change.iter().all(|change| *change >= 0.0)
     }
 }
 
@@ -53,9 +65,9 @@ mod tests {
         let (mut lateness, mut beyond, count) = (Lateness::default(), 0.0, (10.0 / dt) as u32);
         for k in 0..count {
             let t = dt * f64::from(k);
-            lateness.follow(signal(t - late), dt);
+            lateness.follow([signal(t - late)], dt);
             let error = (signal(t) - signal(t - late)).abs();
-            beyond += f64::from(u8::from(t > 1.0 && error > 3.0 * lateness.std(std) + 1e-12));
+            beyond += f64::from(u8::from(t > 1.0 && error > 3.0 * lateness.std(0, std) + 1e-12));
         }
         beyond / f64::from(count)
     }
@@ -74,8 +86,8 @@ mod tests {
     #[test]
     fn what_does_not_change_is_not_late() {
         let mut lateness = Lateness::default();
-        (0..500).for_each(|_| lateness.follow(0.4, 0.01));
-        assert!(lateness.std(0.01) < 1e-3);
+        (0..500).for_each(|_| lateness.follow([0.4], 0.01));
+        assert!(lateness.std(0, 0.01) < 1e-3);
         assert_eq!(beyond(|_| 0.4, 0.01, 0.05, 0.0), 0.0);
     }
 }

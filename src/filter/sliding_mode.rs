@@ -217,9 +217,9 @@ impl SlidingMode {
         let inertia = known.inertia_error * per_acceleration * state.acceleration;
         // a held force is as wrong as the force may have moved since, by itself or with the torque
         let moved = f64::from(state.stale.min(1_000_000)) * dt * (state.lag * kappa).abs();
-        let held = moved.hypot(state.since[1]);
         let lag = state.swing.max(state.torque_lag.abs());
-        (speed * speed + torque * torque + bias * bias + inertia * inertia + lag * lag + held * held).sqrt()
+        let parts = [speed, torque, bias, inertia, lag, moved, state.since[1]];
+        parts.iter().map(|part| part * part).sum::<f64>().sqrt()
     }
 }
 

@@ -81,7 +81,7 @@ use crate::model::multibody::anthropometry::seated12;
 use crate::model::multibody::equations::{Base, Kind};
 use crate::model::multibody::error::ModelError;
 use crate::model::multibody::tree::Tree;
-use crate::variable::Estimate;
+use crate::variable::{Estimate, root_sum_square};
 use crate::{ParameterError, Status};
 use derivatives::Derivatives;
 use nalgebra::SVector;
@@ -123,7 +123,7 @@ pub struct State {
     measured: bool,
     derivatives: Derivatives,
     /// How much torques and seat wrench change while no sample is taken.
-    lateness: [Lateness; WRENCHES],
+    lateness: Lateness<WRENCHES>,
     /// How noisy they are beside their standard deviations.
     noise: SignalNoise<WRENCHES>,
 }
@@ -307,7 +307,7 @@ impl Machine for SeatedBody {
             differentiate: parameters.differentiate,
             differentiator,
         };
-        let lateness = [Lateness::default(); WRENCHES];
+        let lateness = Lateness::default();
         let noise = SignalNoise::default();
         Ok((machine, State { outputs, measured: false, derivatives, lateness, noise }))
     }
@@ -357,14 +357,13 @@ impl Machine for SeatedBody {
         };
         state.measured = present > 0 && weighed && moves;
         self.read(&mut state.outputs);
-        let mut relative = SVector::<f64, WRENCHES>::zeros();
-        let followed = relative.iter_mut().zip(&mut state.lateness);
-        for ((relative, lateness), estimate) in followed.zip(state.outputs.wrenches_mut()) {
-            *relative = estimate.value / estimate.std;
-            match elapsed {
-                Elapsed::First => *lateness = Lateness::at(estimate.value),
-                Elapsed::Step(dt) | Elapsed::Gap(dt) => lateness.follow(estimate.value, dt),
-            }
+        let (mut relative, mut values) = (SVector::<f64, WRENCHES>::zeros(), [0.0; WRENCHES]);
+        for (i, estimate) in state.outputs.wrenches_mut().enumerate() {
+            (relative[i], values[i]) = (estimate.value / estimate.std, estimate.value);
+        }
+        match elapsed {
+            Elapsed::First => state.lateness = Lateness::at(values),
+            Elapsed::Step(dt) | Elapsed::Gap(dt) => state.lateness.follow(values, dt),
         }
         state.noise.update(&relative, elapsed.seconds());
         status |= of_body;
@@ -384,10 +383,10 @@ impl Machine for SeatedBody {
     /// far as this is more than what the sensors are said to have, what it changes until then, and in the time by which a sensor is late.
     fn estimates(&self, state: &State, _: &Inputs, horizon: f64, outputs: &mut Outputs) {
         outputs.clone_from(&state.outputs);
-        let late = self.delay_std.hypot(horizon.min(LONGEST_HORIZON));
-        for (i, (estimate, lateness)) in outputs.wrenches_mut().zip(&state.lateness).enumerate() {
+        let late = root_sum_square([self.delay_std, horizon.min(LONGEST_HORIZON)]);
+        for (i, estimate) in outputs.wrenches_mut().enumerate() {
             let noisy = estimate.std * state.noise.inflation(i).sqrt();
-            estimate.std = noisy.hypot(lateness.std(late));
+            estimate.std = root_sum_square([noisy, state.lateness.std(i, late)]);
         }
     }
 
@@ -399,7 +398,7 @@ impl Machine for SeatedBody {
         if !self.differentiator.fits(&state.derivatives, self.differentiate) {
             return Err(StateError("its differentiation window differs"));
         }
-        if !(state.lateness.iter().all(Lateness::is_valid) && state.noise.is_valid()) {
+        if !(state.lateness.is_valid() && state.noise.is_valid()) {
             return Err(StateError("its torques are not those of any body"));
         }
         Ok(())

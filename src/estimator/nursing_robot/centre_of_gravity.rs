@@ -1,7 +1,7 @@
 //! Where the centres of gravity of the person and of the whole lie, and how well that is known.
 
 use super::{NursingMachine, Outputs};
-use crate::variable::Estimate;
+use crate::variable::{Estimate, root_sum_square};
 
 impl NursingMachine {
     /// From the mass and the pitch in `out`.
@@ -13,9 +13,9 @@ impl NursingMachine {
         let (share, per_mass) = robot.load_share(mass.value);
         let x_std = (by_pitch.x * pitch.std).abs();
         // The height is stationary upright: the second-order term is kept there.
-        let z_std = (by_pitch.z * pitch.std).hypot(by_pitch.x * pitch.std * pitch.std * 0.5f64.sqrt());
-        let common_x_std = (share * x_std).hypot(person.x * per_mass * mass.std);
-        let common_z_std = (share * z_std).hypot((person.z - robot.cog_height) * per_mass * mass.std);
+        let z_std = root_sum_square([by_pitch.z * pitch.std, by_pitch.x * pitch.std * pitch.std * 0.5f64.sqrt()]);
+        let common_x_std = root_sum_square([share * x_std, person.x * per_mass * mass.std]);
+        let common_z_std = root_sum_square([share * z_std, (person.z - robot.cog_height) * per_mass * mass.std]);
         out.load_cog_x = Estimate::new(person.x, x_std);
         out.load_cog_z = Estimate::new(person.z, z_std);
         out.cog_x = Estimate::new(common.x, common_x_std);

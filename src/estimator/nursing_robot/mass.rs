@@ -20,6 +20,7 @@ use crate::filter::critically_damped::{CriticallyDamped, Transition};
 use crate::filter::discretise::runge_kutta;
 use crate::filter::rls::{Config, Forgetting, Rls, Verdict};
 use crate::model::nursing_robot::{GRAVITY, SmallSway};
+use crate::variable::root_sum_square;
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
@@ -409,7 +410,7 @@ impl MassEstimator {
         }
         // An unknown mass between the bounds has no larger standard deviation than half their distance.
         let since = state.rls.variance(&self.uncertainty).sqrt();
-        since.hypot(self.change_std(state)).hypot(self.change_in_motion(state)).min(0.5 * (high - low))
+        root_sum_square([since, self.change_std(state), self.change_in_motion(state)]).min(0.5 * (high - low))
     }
 }
 

@@ -104,7 +104,7 @@ pub use variables::{Inputs, Outputs};
 use crate::estimator::one_step::{Belief, OneStepPrediction};
 use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::innovation::Innovation;
-use crate::variable::Estimate;
+use crate::variable::{Estimate, root_sum_square};
 use crate::{ParameterError, Status};
 use mass::{MassEstimator, MassSample, MassState};
 use serde::{Deserialize, Serialize};
@@ -332,7 +332,12 @@ impl Machine for NursingMachine {
                 // A wrong mass makes a force of the acceleration that the filter takes for one of the sway.
                 let unexplained = if mass.rls.valid { out.load_mass.std * mass.regressor.abs() } else { 0.0 };
                 let unseen = self.unseen_force(state, out.load_mass.value);
-                filter.estimate_under(sway, self.net_force(state, inputs), horizon, unexplained.hypot(unseen))
+                filter.estimate_under(
+                    sway,
+                    self.net_force(state, inputs),
+                    horizon,
+                    root_sum_square([unexplained, unseen]),
+                )
             }
             _ => {
                 out.sway_status = SwayStatus::Off;

@@ -4,6 +4,7 @@ use super::belief::{Belief, STATES};
 use super::coordinates::Map;
 use crate::filter::critically_damped::{CriticallyDamped, Transition};
 use crate::model::wheel_loader::{Loader, SteadySlip, Unknowns};
+use crate::variable::root_sum_square;
 use nalgebra::{SVector, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -47,7 +48,7 @@ impl SteeringAngle {
         }
         // An error that lasts counts as white noise of equal density: it is not averaged out within a bend.
         let lasting = (2.0 * STEERING_MEMORY / dt.unwrap_or(STEERING_MEMORY)).max(1.0).sqrt();
-        lasting * (paths.gain_by_angle * angle_std * wheel).hypot(RATE_ERROR * paths.offset / radius)
+        lasting * root_sum_square([paths.gain_by_angle * angle_std * wheel, RATE_ERROR * paths.offset / radius])
     }
 }
 

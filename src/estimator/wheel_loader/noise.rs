@@ -3,6 +3,7 @@
 use super::parameters::{Adaptation, Parameters};
 use crate::filter::gaussian::FactoredGaussian;
 use crate::filter::srukf::Noise;
+use crate::variable::root_sum_square;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +31,7 @@ impl SensorNoise {
 
     /// Standard deviations of the wheel speeds as given, with what a bend adds to the front one, rad/s.
     pub fn wheel_std(&self, path_std: f64) -> [f64; 2] {
-        [self.given[1].hypot(path_std), self.given[2]]
+        [root_sum_square([self.given[1], path_std]), self.given[2]]
     }
 
     /// The present noise level, and with it the weight of each sample: one with a large innovation counts less (Huber).
@@ -44,7 +45,7 @@ impl SensorNoise {
     ) -> Noise<3> {
         let mut given = self.given;
         if path_std > 0.0 {
-            given[1] = given[1].hypot(path_std);
+            given[1] = root_sum_square([given[1], path_std]);
         }
         let Some((adaptation, usual)) = &self.adaptation else {
             return Noise { level: given, weighted: given };

@@ -5,7 +5,7 @@ use super::speed_evidence::Doubt;
 use super::{Inputs, LoaderMachine, Outputs, State, drive};
 use crate::Status;
 use crate::model::wheel_loader::{Drive, Driven, GRAVITY, Motion, Unknowns, WheelLoader as Model};
-use crate::variable::Estimate;
+use crate::variable::{Estimate, root_sum_square};
 use nalgebra::SVector;
 
 impl LoaderMachine {
@@ -51,7 +51,7 @@ impl LoaderMachine {
         let wheelbase = machine.loader.wheelbase;
         out.cg_to_rear_axle = Estimate::new(out.cg_ratio.value * wheelbase, out.cg_ratio.std * wheelbase);
         let (given, radius) = (map.machine.loader.wheel_radius(), machine.loader.wheel_radius());
-        let radius = |i: usize| Estimate::new(radius[i], given[i] * belief.std(6 + i).hypot(doubt.radius));
+        let radius = |i: usize| Estimate::new(radius[i], given[i] * root_sum_square([belief.std(6 + i), doubt.radius]));
         (out.wheel_radius_front, out.wheel_radius_rear) = (radius(0), radius(1));
         out.speed_estimate = Estimate::new(motion[0], belief.std(0));
         let standing = !state.motion_known || (held && motion[0].abs() < self.hold.resume_speed);
@@ -92,7 +92,6 @@ impl LoaderMachine {
         let specific_force = if standing { GRAVITY * drive.slope.sin() } else { point.specific_force };
         let by_delay = self.uncertainty.share_by_delay(map, &state.belief, unknowns, doubt, specific_force);
         let std = (state.belief.variance_along(&gradient) + model).sqrt() / total;
-        let std = std.hypot(by_delay);
-        Estimate::new((front / total).clamp(0.0, 1.0), std)
+        Estimate::new((front / total).clamp(0.0, 1.0), root_sum_square([std, by_delay]))
     }
 }

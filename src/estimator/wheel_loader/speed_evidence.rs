@@ -244,7 +244,7 @@ impl SpeedEvidence {
             learnt * 0.5 * share / (1.0 - share)
         };
         Doubt {
-            stiffness: doubted(compliance.hypot(apart.sqrt())),
+            stiffness: doubted((compliance * compliance + apart).sqrt()),
             scale: doubted(by_scale),
             radius: scale.sqrt(),
             specific_force,

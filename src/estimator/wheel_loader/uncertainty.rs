@@ -5,6 +5,7 @@ use super::coordinates::Map;
 use super::parameters::{ModelError, Parameters};
 use super::speed_evidence::Doubt;
 use crate::model::wheel_loader::{GRAVITY, Unknowns};
+use crate::variable::root_sum_square;
 use nalgebra::Vector3;
 
 /// What the standard deviations of the unknowns follow from, beside the belief.
@@ -34,7 +35,7 @@ impl Uncertainty {
         let (derivative, std) = (map.derivative_of(i, unknowns[i]), belief.std(3 + i));
         let by_filter = derivative * derivative * (std * std);
         let by_delay = match i {
-            0 => doubt.stiffness.hypot(doubt.scale) * unknowns[0],
+            0 => root_sum_square([doubt.stiffness, doubt.scale]) * unknowns[0],
             1 => doubt.stiffness * unknowns[1] * self.learnt(1, std),
             _ => self.share_by_delay(map, belief, unknowns, doubt, 0.0),
         };
@@ -60,7 +61,7 @@ impl Uncertainty {
         let learnt = self.learnt(1, belief.std(4));
         let at = (1.0 - learnt) * doubt.specific_force + learnt * specific_force;
         let difference = lambda - 0.5 - h * at / (GRAVITY * map.machine.loader.wheelbase);
-        doubt.stiffness * difference.hypot(map.derivative_of(2, lambda) * belief.std(5))
+        doubt.stiffness * root_sum_square([difference, map.derivative_of(2, lambda) * belief.std(5)])
     }
 
     /// How much of an unknown the data and not the initial values have made.

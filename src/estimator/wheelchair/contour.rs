@@ -11,6 +11,7 @@ use super::{ChairBelief, ChairMachine, State};
 use crate::estimator::sampled::HELD_BRIEFLY;
 use crate::filter::gaussian::Gaussian;
 use crate::model::wheelchair::{self as model, biased_gravity, gravity};
+use crate::variable::root_sum_square;
 use nalgebra::{SMatrix, SVector};
 
 /// What contradicts the contour line for this long is no kerb or edge, s.
@@ -164,7 +165,7 @@ impl ChairMachine {
     /// stands on such ground is held by a brake, which nobody reports. `basic`, to which forces are exact, knows no brake.
     pub(super) fn widen_slope(&self, state: &mut State, read: [f64; 2]) {
         let (gravity, noise, start) = (self.chair.gravity, &self.basic.noise, &self.parameters.initial);
-        let known = self.accel_bias_std().hypot(noise.accel).powi(2);
+        let known = self.accel_bias_std().powi(2) + noise.accel.powi(2);
         state.may_be_braked = match &mut state.belief {
             ChairBelief::Basic(belief) => {
                 state.watch.begin(along_contour(belief, read, [0.0; 2], known, gravity));
@@ -300,7 +301,7 @@ impl ChairMachine {
             ChairBelief::Biased(belief) => {
                 let ([x, y], (sa, ca)) = (self.found_biases(&state.belief), belief.mean[model::ALPHA].sin_cos());
                 let hidden = share * (ca * x - sa * y) / gravity;
-                hidden.hypot(ca * self.improbable_force(belief) / (self.chair.body.mass * gravity))
+                root_sum_square([hidden, ca * self.improbable_force(belief) / (self.chair.body.mass * gravity)])
             }
             // Which line the contour line is shows no better than the slope does.
             ChairBelief::Basic(belief) => belief.std(model::XI),

@@ -44,7 +44,7 @@ impl Held {
 
     /// Root mean square of what is held beyond that.
     pub fn unknown(&self) -> f64 {
-        (self.share - self.taken()).hypot(self.variance.sqrt())
+        ((self.share - self.taken()).powi(2) + self.variance).sqrt()
     }
 
     /// Lets `dt` seconds pass.

@@ -238,8 +238,7 @@ pub struct State {
     zeros: [f64; 2],
     frame_turn: FrameTurn,
     /// Of the rate at which the ground tilts, and of the speed.
-    lateness: Lateness,
-    speed_lateness: Lateness,
+    lateness: Lateness<2>,
     encoder_delay: EncoderDelay,
     /// Of all sensors.
     unchanged: Unchanged<6>,
@@ -382,7 +381,6 @@ impl Machine for ChairMachine {
             zeros: [0.0; 2],
             frame_turn: FrameTurn::default(),
             lateness: Lateness::default(),
-            speed_lateness: Lateness::default(),
             encoder_delay: EncoderDelay::default(),
             unchanged: Unchanged::default(),
             stopped: 0.0,
@@ -471,8 +469,7 @@ impl Machine for ChairMachine {
         self.doubt_contour(state, dt);
         let pitch_rate = sample.values[GYRO] - state.belief.gyro_bias();
         state.frame_turn.watch(pitch_rate, self.basic.noise.gyro, dt);
-        state.lateness.follow(state.belief.tilt_rate(), dt);
-        state.speed_lateness.follow(state.belief.motion().0, dt);
+        state.lateness.follow([state.belief.tilt_rate(), state.belief.motion().0], dt);
         let rolled = state.wheels.rolled(&self.chair);
         state.encoder_delay.follow(rolled, inputs.accel_x, pitch_rate, self.chair.gravity, dt);
         let Inputs { encoder_left, encoder_right, gyro_pitch, accel_x, accel_y, accel_z, .. } = *inputs;
@@ -517,10 +514,7 @@ impl Machine for ChairMachine {
         if !state.belief.is_valid() {
             return Err(StateError("it holds a negative variance"));
         }
-        let followed = state.lateness.is_valid()
-            && state.speed_lateness.is_valid()
-            && state.encoder_delay.is_valid()
-            && state.unchanged.is_valid();
+        let followed = state.lateness.is_valid() && state.encoder_delay.is_valid() && state.unchanged.is_valid();
         if followed { Ok(()) } else { Err(StateError("its motion is not that of any chair")) }
     }
 }

@@ -1,11 +1,11 @@
 //! The outputs: what the filter knows, carried forward and in the user's terms.
 
-use super::attitude::{Attitude, attitude};
+use super::attitude::{Attitude, attitude, slope_std};
 use super::ekf::{Drive, wrap};
 use super::{ChairBelief, ChairMachine, Inputs, Kind, Outputs, State};
 use crate::filter::gaussian::{Gaussian, add_square};
 use crate::model::wheelchair::{self as model, Command, biased_gravity, gravity, pitch};
-use crate::variable::Estimate;
+use crate::variable::{Estimate, root_sum_square};
 use nalgebra::SVector;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -24,12 +24,15 @@ const SIGNIFICANT: f64 = 3.0;
 impl ChairBelief {
     /// Whether the ground is steep enough to tell where uphill is.
     pub(super) fn heading_is_observable(&self) -> bool {
-        let slope = match self {
-            Self::Basic(belief) => estimate(&belief.mean, belief, model::XI),
-            Self::Biased(belief) => estimate(&belief.mean, belief, model::XI),
-            Self::Gravity(belief) => attitude_of(&belief.mean, belief).slope,
+        let (slope, std) = match self {
+            Self::Basic(belief) => (belief.mean[model::XI], belief.std(model::XI)),
+            Self::Biased(belief) => (belief.mean[model::XI], belief.std(model::XI)),
+            Self::Gravity(belief) => {
+                let x = biased_gravity::chair_state(&belief.mean);
+                (gravity::tilt(&x).0.asin(), slope_std(&x, &belief.covariance))
+            }
         };
-        slope.value.abs() > SIGNIFICANT * slope.std
+        slope.abs() > SIGNIFICANT * std
     }
 }
 
@@ -78,7 +81,7 @@ impl ChairMachine {
             }
         }
         self.count_wheels(state, outputs);
-        outputs.slope_rate.std = outputs.slope_rate.std.hypot(state.lateness.std(self.delay(state)));
+        outputs.slope_rate.widen(state.lateness.std(0, self.delay(state)));
         outputs.standstill = drive.still;
     }
 
@@ -92,10 +95,10 @@ impl ChairMachine {
         let (p, noise, gravity) = (&self.parameters.initial, &self.basic.noise, self.chair.gravity);
         let downhill = gravity * belief.mean[model::ALPHA].cos() * along_contour.sqrt();
         let rolling = p.rolling_coefficient_std * self.chair.body.mass * gravity;
-        let force = (p.force_gain_std * reported[0]).hypot(p.force_offset_std).hypot(rolling);
-        let moment = (p.force_gain_std * reported[1]).hypot(p.moment_offset_std);
+        let force = root_sum_square([p.force_gain_std * reported[0], p.force_offset_std, rolling]);
+        let moment = root_sum_square([p.force_gain_std * reported[1], p.moment_offset_std]);
         for (rate, error, density) in [
-            (model::V, (force / self.chair.inertial_mass()).hypot(downhill), noise.speed),
+            (model::V, root_sum_square([force / self.chair.inertial_mass(), downhill]), noise.speed),
             (model::R, moment / self.chair.inertia_at_axle(), noise.yaw_rate),
         ] {
             let moved = belief.covariance.column(rate) * (error / density.max(LEAST_DENSITY));
@@ -124,7 +127,7 @@ impl ChairMachine {
     /// How late what was read may be, s (one standard deviation): as sensors are, as these show, and as long as nothing new was read.
     fn delay(&self, state: &State) -> f64 {
         let declared = self.parameters.filter.measurement_std.delay;
-        state.encoder_delay.delay_std(declared).hypot(state.unchanged.seconds())
+        root_sum_square([state.encoder_delay.delay_std(declared), state.unchanged.seconds()])
     }
 
     /// Counts what the encoders cannot tell: errors of the wheels' radius, the frame that they sit on, where their zeros are, how late
@@ -135,15 +138,17 @@ impl ChairMachine {
         let delay = self.delay(state);
         // within the declared delay a chair's speed changes by no more than the filter's deviation
         let declared = self.parameters.filter.measurement_std.delay;
-        let slower = state.speed_lateness.std((delay * delay - declared * declared).max(0.0).sqrt());
-        let travelled = (delay * outputs.speed.value).hypot(state.zeros[0].sqrt());
-        outputs.heading.std = outputs.heading.std.hypot(delay * outputs.yaw_rate.value);
-        for (estimate, frame) in [
-            (&mut outputs.speed, state.frame_turn.speed_std(&self.chair).hypot(state.stopped).hypot(slower)),
-            (&mut outputs.distance, state.frame_turn.distance_std(&self.chair).hypot(travelled)),
+        let slower = state.lateness.std(1, (delay * delay - declared * declared).max(0.0).sqrt());
+        outputs.heading.widen(delay * outputs.yaw_rate.value);
+        let of_speed = [state.frame_turn.speed_std(&self.chair), state.stopped, slower];
+        let of_distance =
+            [state.frame_turn.distance_std(&self.chair), delay * outputs.speed.value, state.zeros[0].sqrt()];
+        for (estimate, errors) in [
+            (&mut outputs.speed, root_sum_square(of_speed)),
+            (&mut outputs.distance, root_sum_square(of_distance)),
             (&mut outputs.yaw_rate, turning),
         ] {
-            estimate.std = estimate.std.hypot(frame).hypot(relative * estimate.value);
+            estimate.widen(root_sum_square([errors, relative * estimate.value]));
         }
     }
 
@@ -172,19 +177,17 @@ impl ChairMachine {
         let by_radius = self.parameters.chair.wheel_radius_std * (x[model::ALPHA] - self.chair.heading_reference);
         let by_difference = self.turning() * x[model::S];
         let turned_line =
-            chi.atan2(xi).hypot(outputs.heading.std).hypot(by_radius).hypot(by_difference).hypot(state.zeros[1].sqrt());
+            root_sum_square([chi.atan2(xi), outputs.heading.std, by_radius, by_difference, state.zeros[1].sqrt()]);
         outputs.heading.std = turned_line.min(UNKNOWN_HEADING.max(outputs.heading.std));
-        outputs.slope = Estimate::new(sign * x[model::XI], belief.std(model::XI).hypot(steeper).hypot(held));
+        outputs.slope = Estimate::new(sign * x[model::XI], root_sum_square([belief.std(model::XI), steeper, held]));
         outputs.slope_rate = Estimate::new(sign * x[model::W], belief.std(model::W));
         let (angle, [by_heading, by_slope]) = pitch(x[model::ALPHA], x[model::XI]);
         let mut gradient = SVector::<f64, N>::zeros();
         (gradient[model::ALPHA], gradient[model::XI]) = (by_heading, by_slope);
         // Where the chair stands on end the gradient has a pole.
         let forward = x[model::ALPHA].cos() * chi;
-        outputs.pitch = Estimate::new(
-            angle,
-            belief.variance_along(&gradient).sqrt().hypot(forward).hypot(by_slope * held).min(FRAC_PI_2),
-        );
+        let std = root_sum_square([belief.variance_along(&gradient).sqrt(), forward, by_slope * held]);
+        outputs.pitch = Estimate::new(angle, std.min(FRAC_PI_2));
     }
 }
 
@@ -203,12 +206,9 @@ fn report_biases<const N: usize>(
     outputs.force_offset = estimate(x, belief, force + 1);
 }
 
-fn attitude_of(x: &biased_gravity::State, belief: &Gaussian<15>) -> Attitude {
-    attitude(&biased_gravity::chair_state(x), &belief.covariance.fixed_view::<8, 8>(0, 0).into_owned())
-}
-
 fn report_gravity(mean: &biased_gravity::State, belief: &Gaussian<15>, outputs: &mut Outputs) {
-    let Attitude { heading, slope, slope_rate, pitch } = attitude_of(mean, belief);
+    let Attitude { heading, slope, slope_rate, pitch } =
+        attitude(&biased_gravity::chair_state(mean), &belief.covariance);
     outputs.distance = estimate(mean, belief, gravity::S);
     outputs.speed = estimate(mean, belief, gravity::V);
     outputs.yaw_rate = estimate(mean, belief, gravity::R);

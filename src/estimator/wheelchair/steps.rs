@@ -29,7 +29,9 @@ impl ChairMachine {
         status.raise_if(readings.implausible, Status::IMPLAUSIBLE);
         status.raise_if(readings.old, Status::MISSING);
         status.raise_if(readings.restarted, Status::RESTARTED);
-        state.stopped *= (-dt / FORGETS_STOP).exp();
+        if state.stopped > 0.0 {
+            state.stopped *= (-dt / FORGETS_STOP).exp();
+        }
         if readings.stopped {
             state.stopped = state.stopped.max(state.belief.motion().0.abs());
         }

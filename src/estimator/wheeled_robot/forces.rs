@@ -8,6 +8,7 @@ use crate::ParameterError;
 use crate::filter::signal_noise::{LONGEST, SignalNoise};
 use crate::filter::sliding_mode::{Adaptation, ForcedMotion, Knowledge, SlidingMode, SlidingModeState};
 use crate::model::wheeled_robot::{Drive, Motion, Wheel, WheeledRobot, Wheels, wheel_torque};
+use crate::variable::root_sum_square;
 use serde::{Deserialize, Serialize};
 
 /// Time constant of the accelerometer's low-pass where it gives the forces, s.
@@ -243,7 +244,7 @@ impl ForceObservers {
             state.force[i] = (torque - inertial) / self.wheel.radius;
             let [vx, _, r] = predicted.x;
             let unseen = if state.acceleration.is_none() { UNSEEN_ACCELERATION } else { 0.0 };
-            let unknown = inertia * unseen.hypot(IN_BENDS * r * vx);
+            let unknown = inertia * root_sum_square([unseen, IN_BENDS * r * vx]);
             let (bias, noise) = (self.knowledge.torque_bias, self.knowledge.torque_noise);
             let variance = noise * noise + bias * bias + inertial * inertial + unknown * unknown;
             state.force_std[i] = variance.sqrt() / self.wheel.radius;
@@ -266,7 +267,7 @@ impl ForceObservers {
         let sideways = (predicted.lateral[0] + predicted.lateral[1]) * predicted.drive.steering_sin();
         let whole = state.acceleration.map_or(0.0, |acceleration| model.vehicle.mass * acceleration + sideways);
         let (error, bias) = match state.acceleration {
-            Some(_) => (self.accel_std.hypot(self.accel_bias), self.accel_bias),
+            Some(_) => (root_sum_square([self.accel_std, self.accel_bias]), self.accel_bias),
             None => (UNSEEN_ACCELERATION, UNSEEN_ACCELERATION),
         };
         state.acceleration_std = bias;

@@ -11,6 +11,7 @@ use crate::estimator::Elapsed;
 use crate::filter::innovation::Gate;
 use crate::filter::square_root::absorb_diagonal;
 use crate::model::wheeled_robot::{Drive, Driven, Motion};
+use crate::variable::root_sum_square;
 use nalgebra::{Vector3, Vector4};
 
 /// Longest step after which the gate judges a sample, s.
@@ -138,10 +139,8 @@ impl RobotMachine {
         let p = &self.parameters;
         let r = &p.filter.measurement_std;
         let (per_angle, steered) = self.steered_yaw_rate(state.belief.mean[0], drive);
-        let noise = r
-            .gyro_z
-            .hypot(per_angle * r.steering_angle)
-            .hypot(r.speed * drive.steering_sin().abs() / p.vehicle.wheelbase());
+        let by_speed = r.speed * drive.steering_sin() / p.vehicle.wheelbase();
+        let noise = root_sum_square([r.gyro_z, per_angle * r.steering_angle, by_speed]);
         state.repetition.is_old(gyro_z, steered, TURNED * noise)
     }
 

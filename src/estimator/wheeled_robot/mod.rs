@@ -244,9 +244,8 @@ pub struct State {
     speed: SpeedKnowledge,
     slip: Slip,
     unmodelled: Unmodelled,
-    /// Of the yaw rate, and of the wheels' longitudinal forces.
-    lateness: Lateness,
-    force_lateness: [Lateness; 4],
+    /// Of the wheels' longitudinal forces, and of the yaw rate.
+    lateness: Lateness<5>,
     /// Of the gyro beside the wheels, and of the torques beside the accelerometer.
     gyro_delay: RelativeDelay,
     torque_delay: RelativeDelay,
@@ -356,7 +355,6 @@ impl Machine for RobotMachine {
             slip: Slip::default(),
             unmodelled: Unmodelled::default(),
             lateness: Lateness::default(),
-            force_lateness: [Lateness::default(); 4],
             gyro_delay: RelativeDelay::default(),
             torque_delay: RelativeDelay::default(),
             unchanged: Unchanged::default(),
@@ -426,10 +424,8 @@ impl Machine for RobotMachine {
         }
         let left = (variance(state, 0) / speed).min(1.0);
         state.unmodelled.push(self.reach, slopes.damping(), state.belief.mean[2], left, dt);
-        state.lateness.follow(state.belief.mean[2], dt);
-        for (lateness, force) in state.force_lateness.iter_mut().zip(&state.forces.force) {
-            lateness.follow(*force, dt);
-        }
+        let [fl, fr, rl, rr] = state.forces.force;
+        state.lateness.follow([fl, fr, rl, rr, state.belief.mean[2]], dt);
         state.gyro_delay.follow(self.wheel_speed.yaw_rate(&readings), z[2], dt);
         state.torque_delay.follow(inputs.accel_x, readings.whole_torque(state.belief.mean[0]), dt);
         let [fl, fr, rl, rr] =
@@ -501,7 +497,6 @@ impl Machine for RobotMachine {
             && state.slip.is_valid()
             && state.unmodelled.is_valid()
             && state.lateness.is_valid()
-            && state.force_lateness.iter().all(Lateness::is_valid)
             && state.gyro_delay.is_valid()
             && state.torque_delay.is_valid()
             && state.unchanged.is_valid()

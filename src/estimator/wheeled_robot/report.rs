@@ -7,10 +7,12 @@ use crate::estimator::sampled::HELD_BRIEFLY;
 use crate::filter::gaussian::FactoredGaussian;
 use crate::filter::square_root::{absorb, absorb_diagonal};
 use crate::model::wheeled_robot::{Drive, Motion, Wheels};
-use crate::variable::Estimate;
+use crate::variable::{Estimate, root_sum_square};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
+/// The yaw rate among what may be late, after the four wheels' forces.
+const YAW_RATE: usize = 4;
 /// Time after [`HELD_BRIEFLY`] in which an input that is not sampled may become any, s.
 const FORGOTTEN: f64 = 0.5;
 
@@ -32,7 +34,10 @@ impl RobotMachine {
         let State { forces, .. } = state;
         let [carried, pushed] = state.unmodelled.speed_std();
         let mut uncertain = state.belief;
-        absorb_diagonal(&mut uncertain.factor, &Vector3::new(carried.hypot(state.slip.doubt()), pushed, 0.0));
+        absorb_diagonal(
+            &mut uncertain.factor,
+            &Vector3::new(root_sum_square([carried, state.slip.doubt()]), pushed, 0.0),
+        );
         let cross = self.constants.whole(&state.cross, forces.by_torque);
         let mut belief = uncertain;
         absorb(&mut belief.factor, cross);
@@ -57,12 +62,12 @@ impl RobotMachine {
         let [vx, vy, r] = x;
         out.speed_x = Estimate::new(vx, belief.std(0).max(state.speed.std()));
         let slides = forgotten(state.blind_for) * self.unseen_lateral_speed(vx);
-        out.speed_y = Estimate::new(vy, belief.std(1).hypot(slides));
-        out.yaw_rate = Estimate::new(r, belief.std(2).hypot(self.unfiltered_yaw_rate_std(state, r)));
+        out.speed_y = Estimate::new(vy, root_sum_square([belief.std(1), slides]));
+        out.yaw_rate = Estimate::new(r, root_sum_square([belief.std(2), self.unfiltered_yaw_rate_std(state, r)]));
         let square = vx * vx + vy * vy;
         out.sideslip = if square > self.parameters.filter.minimum_speed.powi(2) {
             let by_motion = std_along(&belief, [-vy / square, vx / square, 0.0]);
-            Estimate::new(vy.atan2(vx), by_motion.hypot(slides * vx / square))
+            Estimate::new(vy.atan2(vx), root_sum_square([by_motion, slides * vx / square]))
         } else {
             // at rest the direction of motion is anything
             Estimate::new(0.0, PI / 3f64.sqrt())
@@ -74,21 +79,20 @@ impl RobotMachine {
         // torques that nobody samples may have become any that vehicles usually have
         let any = 0.25 * self.model.vehicle.mass * UNSEEN_ACCELERATION;
         let by_held = if forces.by_torque { any * forgotten(state.held_for) } else { 0.0 };
-        let late = state.unchanged.seconds().hypot(state.torque_delay.shown());
-        let old = state.force_lateness.map(|lateness| lateness.std(late));
+        let late = root_sum_square([state.unchanged.seconds(), state.torque_delay.shown()]);
         let longitudinal_std: Wheels = std::array::from_fn(|i| {
-            forces.force_std[i].hypot(by_radius * forces.force[i]).hypot(by_held).hypot(old[i])
+            root_sum_square([forces.force_std[i], by_radius * forces.force[i], by_held, state.lateness.std(i, late)])
         });
         // an axle's force is that of two wheels
         let unmodelled = 0.5 * self.model.vehicle.mass * state.unmodelled.acceleration_std(self.reach);
         let lateral_std = std::array::from_fn(|i| {
             let wheel = (&self.model.vehicle, i);
-            self.constants.lateral_std(&uncertain, &cross, slopes[i], &grip, wheel).hypot(unmodelled)
+            root_sum_square([self.constants.lateral_std(&uncertain, &cross, slopes[i], &grip, wheel), unmodelled])
         });
         // without torques nobody knows whether wheels pull against one another, of which the acceleration shows the sum alone
         let apart = if forces.by_torque { 0.0 } else { any };
         [out.wheel_force_x_fl, out.wheel_force_x_fr, out.wheel_force_x_rl, out.wheel_force_x_rr] =
-            estimates(&forces.force, &longitudinal_std.map(|std| std.hypot(apart)));
+            estimates(&forces.force, &longitudinal_std.map(|std| root_sum_square([std, apart])));
         [out.wheel_force_y_fl, out.wheel_force_y_fr, out.wheel_force_y_rl, out.wheel_force_y_rr] =
             estimates(&grip.lateral, &lateral_std);
         [out.wheel_load_fl, out.wheel_load_fr, out.wheel_load_rl, out.wheel_load_rr] =
@@ -102,9 +106,9 @@ impl RobotMachine {
     fn unfiltered_yaw_rate_std(&self, state: &State, yaw_rate: f64) -> f64 {
         let imu = &self.parameters.imu;
         let blind = forgotten(state.blind_for) * self.unseen_yaw_rate(state.belief.mean[0]);
-        let late =
-            state.lateness.std(state.gyro_delay.delay_std(imu.gyro_z_delay_std).hypot(state.unchanged.seconds()));
-        imu.gyro_z_bias_std.hypot(imu.gyro_z_scale_std * yaw_rate).hypot(late).hypot(blind)
+        let delay = root_sum_square([state.gyro_delay.delay_std(imu.gyro_z_delay_std), state.unchanged.seconds()]);
+        let late = state.lateness.std(YAW_RATE, delay);
+        root_sum_square([imu.gyro_z_bias_std, imu.gyro_z_scale_std * yaw_rate, late, blind])
     }
 
     /// Standard deviations of these wheel loads from the mass's and from those of the forces that shift them, N.
@@ -115,7 +119,9 @@ impl RobotMachine {
         let (ax_std, ay_std) = (sum(longitudinal_std), sum(lateral_std));
         let [pitch, front, rear] = vehicle.load_transfer();
         let (pitch, front, rear) = (pitch * ax_std, front * ay_std, rear * ay_std);
-        let shifted = [pitch.hypot(front), pitch.hypot(front), pitch.hypot(rear), pitch.hypot(rear)];
-        std::array::from_fn(|i| shifted[i].hypot(vehicle.mass_std * load[i]))
+        std::array::from_fn(|i| {
+            let roll = if i < 2 { front } else { rear };
+            root_sum_square([pitch, roll, vehicle.mass_std * load[i]])
+        })
     }
 }

@@ -4,6 +4,7 @@ use super::constants::Cross;
 use super::{RobotMachine, State};
 use crate::estimator::Elapsed;
 use crate::filter::gaussian::FactoredGaussian;
+use crate::variable::root_sum_square;
 use nalgebra::Vector3;
 
 /// A measured speed that is this many deviations from that at the start takes its place.
@@ -22,9 +23,9 @@ impl RobotMachine {
         let std = UNSEEN_ACCELERATION * gap;
         let initial = self.parameters.initial.speed_x_std;
         // The filter's points must still go forward: those in reverse say nothing about this motion.
-        let bounded = initial.hypot(std.min(self.guarded(state.belief.mean[0]) / 3f64.sqrt()));
+        let bounded = root_sum_square([initial, std.min(self.guarded(state.belief.mean[0]) / 3f64.sqrt())]);
         state.belief = self.unseen_motion(state.belief.mean[0], bounded);
-        state.speed.reset(initial.hypot(std).min(UNKNOWN_SPEED), gap);
+        state.speed.reset(root_sum_square([initial, std]).min(UNKNOWN_SPEED), gap);
         state.forces = self.initial.forces.clone();
         state.grip = self.initial.grip;
         (state.cross, state.noise) = (Cross::zeros(), self.initial.noise);
@@ -36,8 +37,8 @@ impl RobotMachine {
     /// Motion of which only the speed is known: it goes about straight on, and slides and turns as vehicles do.
     pub(super) fn unseen_motion(&self, speed: f64, speed_std: f64) -> FactoredGaussian<3> {
         let (initial, turning) = (&self.parameters.initial, self.unseen_yaw_rate(speed));
-        let lateral = initial.speed_y_std.hypot(self.unseen_lateral_speed(speed));
-        let std = Vector3::new(speed_std, lateral, initial.yaw_rate_std.hypot(turning));
+        let lateral = root_sum_square([initial.speed_y_std, self.unseen_lateral_speed(speed)]);
+        let std = Vector3::new(speed_std, lateral, root_sum_square([initial.yaw_rate_std, turning]));
         FactoredGaussian::independent(Vector3::new(speed, 0.0, 0.0), &std)
     }
 

@@ -124,7 +124,7 @@ impl SwayEstimator {
             return None;
         }
         if N > 2 && self.use_channel[2] {
-            state.lateness.follow(belief.mean[2], step.dt);
+            state.lateness.follow([belief.mean[2]], step.dt);
             state.rate_delay.follow(z[1], z[2], step.dt);
         }
         if (belief.mean[1] - self.human.rest_pitch).abs() > self.pitch_limit {

@@ -4,7 +4,7 @@
 use super::{Form, SwayBelief, SwayEstimator, SwayState};
 use crate::filter::gaussian::Gaussian;
 use crate::model::nursing_robot::Planar;
-use crate::variable::Estimate;
+use crate::variable::{Estimate, root_sum_square};
 use nalgebra::SVector;
 
 /// The filter's answer.
@@ -45,7 +45,7 @@ impl SwayEstimator {
             SwayBelief::Three(belief) => self.read(state, belief, force, horizon),
             SwayBelief::Four(belief) => self.read(state, belief, force, horizon),
         };
-        estimate.force.std = estimate.force.std.hypot(unexplained);
+        estimate.force.widen(unexplained);
         let planar = self.step_of(state, 0.0, 0.0).planar;
         let moved = match self.use_channel[1] {
             true => self.widen_measured(state, &mut estimate),
@@ -60,12 +60,12 @@ impl SwayEstimator {
     fn widen_measured(&self, state: &SwayState, estimate: &mut SwayEstimate) -> f64 {
         let [tilt, rate] = self.bias_std;
         let delay = state.rate_delay.delay_std(self.delay_std);
-        let tilt = tilt.hypot(delay * estimate.state[2].value).hypot(self.drift(state, rate));
-        estimate.motion.std = estimate.motion.std.hypot(tilt);
-        estimate.state[1].std = estimate.state[1].std.hypot(tilt);
+        let tilt = root_sum_square([tilt, delay * estimate.state[2].value, self.drift(state, rate)]);
+        estimate.motion.widen(tilt);
+        estimate.state[1].widen(tilt);
         if self.use_channel[2] {
-            let late = state.lateness.std(delay);
-            estimate.state[2].std = estimate.state[2].std.hypot(rate).hypot(late);
+            let late = state.lateness.std(0, delay);
+            estimate.state[2].widen(root_sum_square([rate, late]));
         }
         tilt
     }
@@ -84,20 +84,22 @@ impl SwayEstimator {
         // J phi'' = -(k - b g) phi
         let frequency = ((planar.k / posture).max(LEAST_STIFFNESS) / planar.j).sqrt();
         // A force that lasts is taken for a lean: for a sway of this force in its own frequency, F = b phi''.
-        let unexplained = unexplained.hypot(planar.inertial_mass * state.unmodelled.lasting(LEAN_TIME));
+        let unexplained = root_sum_square([unexplained, planar.inertial_mass * state.unmodelled.lasting(LEAN_TIME)]);
         let taken_for_sway = unexplained / (planar.b * frequency * frequency);
         // The force shows, the sway follows from it by spring and damper: at rest b a = -(k - b g) phi, so that an error of k moves
         // phi by that over k - b g, and one of c by c frequency over it.
         let [spring, damper] = self.passive_std;
-        let share = posture * spring.hypot(damper * planar.c * frequency / planar.k.max(LEAST_STIFFNESS));
-        let sway = taken_for_sway.hypot(share * estimate.motion.value.hypot(estimate.state[2].value / frequency));
+        let damping = planar.c * frequency / planar.k.max(LEAST_STIFFNESS);
+        let share = posture * root_sum_square([spring, damper * damping]);
+        let amplitude = root_sum_square([estimate.motion.value, estimate.state[2].value / frequency]);
+        let sway = root_sum_square([taken_for_sway, share * amplitude]);
         let torque = self.torque_noise(state).sqrt();
         let unnoticed = notice * planar.hip_torque_response(estimate.state[1].value).1 * torque;
-        let moved = sway.hypot(0.5 * notice * unnoticed);
-        estimate.motion.std = estimate.motion.std.hypot(moved);
-        estimate.state[1].std = estimate.state[1].std.hypot(moved).hypot(posture * self.rest_std);
+        let moved = root_sum_square([sway, 0.5 * notice * unnoticed]);
+        estimate.motion.widen(moved);
+        estimate.state[1].widen(root_sum_square([moved, posture * self.rest_std]));
         if self.form.states() > 2 && !self.use_channel[2] {
-            estimate.state[2].std = estimate.state[2].std.hypot(frequency * sway).hypot(unnoticed);
+            estimate.state[2].widen(root_sum_square([frequency * sway, unnoticed]));
         }
         moved
     }
@@ -108,18 +110,20 @@ impl SwayEstimator {
         let [spring, damper] = self.passive_std;
         // Where the pitch is not measured it moves with the posture, and the torque is the one that gravity then asks for.
         let posture = if self.use_channel[1] { 1.0 } else { planar.posture_by_rest() - 1.0 };
-        let passive = (spring * planar.k * (estimate.state[1].value - planar.rest))
-            .hypot(damper * planar.c * estimate.state[2].value)
-            .hypot(planar.k * posture * self.rest_std)
-            .hypot(planar.k * moved);
-        estimate.torque.std = estimate.torque.std.hypot(passive);
+        let passive = root_sum_square([
+            spring * planar.k * (estimate.state[1].value - planar.rest),
+            damper * planar.c * estimate.state[2].value,
+            planar.k * posture * self.rest_std,
+            planar.k * moved,
+        ]);
+        estimate.torque.widen(passive);
         estimate.state[3].std = if self.form == Form::SoundTorque {
             // Together they are what the motion needs.
-            estimate.state[3].std.hypot(passive)
+            root_sum_square([estimate.state[3].std, passive])
         } else {
             let seen = state.unmodelled.std.max(state.unmodelled.again());
             let unmodelled = seen / planar.hip_torque_response(estimate.state[1].value).0.abs();
-            self.initial_std[3].hypot(self.torque_noise(state).sqrt()).hypot(unmodelled)
+            root_sum_square([self.initial_std[3], self.torque_noise(state).sqrt(), unmodelled])
         };
     }
 
@@ -154,7 +158,7 @@ impl SwayEstimator {
         let variance = belief.variance_along(&gradient) + direct * direct * unmodelled;
         // a force that only the innovations know of moves the robot and looks like one of the sway
         let unmodelled = planar.inertial_mass * state.unmodelled.std.max(state.unmodelled.again());
-        estimate.force = Estimate::new(force, variance.sqrt().hypot(unmodelled));
+        estimate.force = Estimate::new(force, (variance + unmodelled * unmodelled).sqrt());
         let rate = if N > 2 { mean[2] } else { 0.0 };
         let gradient = SVector::<f64, N>::from_fn(|i, _| [0.0, planar.k, planar.c, 0.0][i]);
         let variance = belief.variance_along(&gradient);

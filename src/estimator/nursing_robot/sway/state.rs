@@ -44,7 +44,7 @@ pub struct SwayState {
     /// What the innovations of the speed say of a force that the filter does not follow yet.
     pub unmodelled: UnmodelledAcceleration,
     /// Of the pitch rate.
-    pub(super) lateness: Lateness,
+    pub(super) lateness: Lateness<1>,
     /// Of tilt and pitch rate beside one another.
     pub(super) rate_delay: DelayOfRate,
     /// What the last step did.
