@@ -29,9 +29,10 @@ use nalgebra::{SMatrix, SVector};
 /// Time update of `M` states that move and `K` that only walk at random, `N = M + K`, with process
 /// noise of standard deviation `std` over this step.
 ///
-/// `centre` is where the mean moves to; `pair(offset)` gives where `mean + offset` and
-/// `mean - offset` move to. Offset `j` is column `j` of the factor times the transform's distance: its
-/// first `j` elements are zero. The transform's `beta` is at least `alpha^2`.
+/// `centre` is where the mean moves to; `pairs(offsets)` gives for each of two offsets where `mean + offset` and
+/// `mean - offset` move to, so that a model may take four points at a time. Offset `j` is column `j` of the factor times the
+/// transform's distance: its first `j` elements are zero; of an odd number of states the last one comes twice. The
+/// transform's `beta` is at least `alpha^2`.
 ///
 /// Opposite points enter as half their difference and half their sum. States that do not move
 /// have no sum, so that half of the points only widen the moving states' own block.
@@ -41,17 +42,20 @@ pub fn predict<const N: usize, const M: usize, const K: usize>(
     transform: &UnscentedTransform,
     std: &SVector<f64, N>,
     centre: &SVector<f64, M>,
-    mut pair: impl FnMut(&SVector<f64, N>) -> [SVector<f64, M>; 2],
+    mut pairs: impl FnMut([&SVector<f64, N>; 2]) -> [[SVector<f64, M>; 2]; 2],
 ) {
     let (mut moved, mut bent) = (SMatrix::<f64, M, N>::zeros(), SMatrix::<f64, M, N>::zeros());
     let mut sum = SVector::<f64, M>::zeros();
     let half = 0.5 / transform.distance;
-    for j in 0..N {
-        let [up, down] = pair(&(belief.factor.column(j) * transform.distance));
-        let (up, down) = (up - centre, down - centre);
-        sum += up + down;
-        moved.set_column(j, &((up - down) * half));
-        bent.set_column(j, &((up + down) * half));
+    for first in (0..N).step_by(2) {
+        let columns = [first, (first + 1).min(N - 1)];
+        let [a, b] = columns.map(|j| belief.factor.column(j) * transform.distance);
+        for (j, [up, down]) in columns.into_iter().zip(pairs([&a, &b])).take(N - first) {
+            let (up, down) = (up - centre, down - centre);
+            sum += up + down;
+            moved.set_column(j, &((up - down) * half));
+            bent.set_column(j, &((up + down) * half));
+        }
     }
     let drift = sum * transform.outer;
     let mut noise = SMatrix::<f64, M, M>::from_diagonal(&block(std, 0, 0));

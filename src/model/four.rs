@@ -2,10 +2,13 @@
 //!
 //! Written with plain arrays: the compiler puts them into one register where a kernel is compiled for AVX, or into two
 //! of every x86-64 processor, chosen when the program runs. Those of `wide` are fixed to what the program is built for.
+//!
+//! The compiler finds the four from where they are stored: a kernel takes and gives them in memory, lane beside lane, and sums no lanes.
+//! Where it stored points one after the other, or summed two lanes, all of it ended in registers for two.
 
 use std::array::from_fn;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3};
-use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub};
+use std::ops::{Add, AddAssign, BitOr, Div, Mul, MulAssign, Neg, Sub};
 
 /// Four numbers, one per lane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,6 +38,11 @@ impl Four {
     #[inline(always)]
     pub fn to_array(self) -> [f64; 4] {
         self.0
+    }
+
+    #[inline(always)]
+    pub fn first(self) -> f64 {
+        self.0[0]
     }
 
     #[inline(always)]
@@ -75,6 +83,11 @@ impl Four {
     pub fn greater(self, other: Self) -> Mask {
         Mask(from_fn(|lane| self.0[lane] > other.0[lane]))
     }
+
+    #[inline(always)]
+    pub fn is_finite(self) -> Mask {
+        Mask(self.0.map(f64::is_finite))
+    }
 }
 
 impl Mask {
@@ -83,10 +96,29 @@ impl Mask {
         self.0[0] | self.0[1] | self.0[2] | self.0[3]
     }
 
+    #[inline(always)]
+    pub fn first(self) -> bool {
+        self.0[0]
+    }
+
     /// `x` where the lane is true, 0 elsewhere.
     #[inline(always)]
     pub fn select(self, x: Four) -> Four {
-        Four(from_fn(|lane| if self.0[lane] { x.0[lane] } else { 0.0 }))
+        self.choose(x, Four::ZERO)
+    }
+
+    /// `x` where the lane is true, `y` elsewhere.
+    #[inline(always)]
+    pub fn choose(self, x: Four, y: Four) -> Four {
+        Four(from_fn(|lane| if self.0[lane] { x.0[lane] } else { y.0[lane] }))
+    }
+}
+
+impl BitOr for Mask {
+    type Output = Self;
+    #[inline(always)]
+    fn bitor(self, other: Self) -> Self {
+        Self(from_fn(|lane| self.0[lane] | other.0[lane]))
     }
 }
 

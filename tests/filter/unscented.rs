@@ -103,8 +103,8 @@ proptest! {
         let std = V5::from_fn(|_, _| random.normal().abs());
         let transform = UnscentedTransform::new(5, alpha, 2.0, kappa);
         let mut belief = prior;
-        predict::<5, 3, 2>(&mut belief, &transform, &std, &(f * prior.mean), |offset| {
-            [f * (prior.mean + offset), f * (prior.mean - offset)]
+        predict::<5, 3, 2>(&mut belief, &transform, &std, &(f * prior.mean), |offsets| {
+            offsets.map(|offset| [f * (prior.mean + offset), f * (prior.mean - offset)])
         });
         let mut whole = M5::identity();
         whole.fixed_rows_mut::<3>(0).copy_from(&f);

@@ -159,6 +159,7 @@ proptest! {
                 machine.rates(&x, &p, &u)
             };
             let (up, down) = (shifted(eps), shifted(-eps));
+            prop_assume!(up.lift == at.lift && down.lift == at.lift);
             let numeric = (up.rates - down.rates) / (2.0 * eps);
             if k < 6 {
                 let numeric = (up.load[0] - down.load[0]) / (2.0 * eps);

@@ -1,13 +1,13 @@
 //! Time update: by the model through sigma points or its linearisation, or, while the unknowns are held, by a random walk.
 
 use super::belief::STATES;
-use super::coordinates::Map;
+use super::coordinates::{Centre, Map};
 use super::parameters::{Kind, Parameters, Radii};
 use crate::filter::gaussian::FactoredGaussian;
 use crate::filter::sigma_points::UnscentedTransform;
 use crate::filter::square_root::{absorb_diagonal, variances};
 use crate::filter::srukf;
-use crate::model::wheel_loader::{Drive, Driven, Motion, Unknowns};
+use crate::model::wheel_loader::{Drive, Driven, Motion};
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Longest implicit step of the model, s.
@@ -65,25 +65,12 @@ impl Prediction {
     ) {
         let std = self.process_std(belief, dt, learn);
         let substeps = self.substeps.max((dt / LONGEST_STEP - 1e-9).ceil() as u32);
-        let mean = &belief.mean;
-        let motion = Motion::new(mean[0], mean[1], mean[2]);
-        let unknowns = map.centre(&Vector3::new(mean[3], mean[4], mean[5]));
-        let (driven, errors) = (Driven::new(&map.machine, drive), radius_errors(mean));
+        let driven = Driven::new(&map.machine, drive);
         match self.kind {
             Kind::SquareRootUnscented => {
-                let advance = |motion: &Motion, unknowns: &Unknowns, errors: [f64; 2]| {
-                    driven.advance(map.radius(errors), motion, unknowns, dt, substeps)
-                };
-                let centre = advance(&motion, &unknowns.unknowns, errors);
-                srukf::predict::<N, 3, K>(belief, &self.transform, &std, &centre, |offset| {
-                    let step = Motion::new(offset[0], offset[1], offset[2]);
-                    let [up, down] = unknowns.pair(&Vector3::new(offset[3], offset[4], offset[5]));
-                    let [front, rear] = radius_errors(offset);
-                    [
-                        advance(&(motion + step), &up, [errors[0] + front, errors[1] + rear]),
-                        advance(&(motion - step), &down, [errors[0] - front, errors[1] - rear]),
-                    ]
-                });
+                let points = Points::around(&belief.mean, map, &driven, (dt, substeps));
+                let centre = points.centre();
+                srukf::predict::<N, 3, K>(belief, &self.transform, &std, &centre, |offsets| points.pairs(offsets));
             }
             Kind::Extended => {
                 let (moved, f) = linearised(belief, map, &driven, dt, substeps);
@@ -102,33 +89,16 @@ impl Prediction {
         dt: f64,
     ) -> SMatrix<f64, N, N> {
         let substeps = self.substeps.max((dt / LONGEST_STEP - 1e-9).ceil() as u32);
-        let (mean, driven) = (&belief.mean, Driven::new(&map.machine, drive));
+        let driven = Driven::new(&map.machine, drive);
         let mut moved = belief.factor;
         if self.kind == Kind::Extended {
             let (_, f) = linearised(belief, map, &driven, dt, substeps);
             moved.fixed_rows_mut::<3>(0).copy_from(&(f * belief.factor));
         } else {
-            let (motion, errors) = (Motion::new(mean[0], mean[1], mean[2]), radius_errors(mean));
-            let unknowns = map.centre(&Vector3::new(mean[3], mean[4], mean[5]));
+            let points = Points::around(&belief.mean, map, &driven, (dt, substeps));
             for j in 0..N {
                 let offset = belief.factor.column(j) * self.transform.distance;
-                let step = Motion::new(offset[0], offset[1], offset[2]);
-                let [up, down] = unknowns.pair(&Vector3::new(offset[3], offset[4], offset[5]));
-                let [front, rear] = radius_errors(&offset);
-                let up = driven.advance(
-                    map.radius([errors[0] + front, errors[1] + rear]),
-                    &(motion + step),
-                    &up,
-                    dt,
-                    substeps,
-                );
-                let down = driven.advance(
-                    map.radius([errors[0] - front, errors[1] - rear]),
-                    &(motion - step),
-                    &down,
-                    dt,
-                    substeps,
-                );
+                let [[up, down], _] = points.pairs([&offset; 2]);
                 moved.fixed_view_mut::<3, 1>(0, j).copy_from(&((up - down) * (0.5 / self.transform.distance)));
             }
         }
@@ -149,6 +119,51 @@ impl Prediction {
             }
         }
         std
+    }
+}
+
+/// Where the filter's points go.
+struct Points<'a> {
+    map: &'a Map,
+    driven: &'a Driven<'a>,
+    /// Time, s, and the number of the model's steps.
+    time: (f64, u32),
+    motion: Motion,
+    unknowns: Centre,
+    radius_errors: [f64; 2],
+}
+
+impl<'a> Points<'a> {
+    fn around<const N: usize>(mean: &SVector<f64, N>, map: &'a Map, driven: &'a Driven, time: (f64, u32)) -> Self {
+        let motion = Motion::new(mean[0], mean[1], mean[2]);
+        let unknowns = map.centre(&Vector3::new(mean[3], mean[4], mean[5]));
+        Self { map, driven, time, motion, unknowns, radius_errors: radius_errors(mean) }
+    }
+
+    fn centre(&self) -> Motion {
+        let (dt, substeps) = self.time;
+        self.driven.advance(self.map.radius(self.radius_errors), &self.motion, &self.unknowns.unknowns, dt, substeps)
+    }
+
+    /// Those of the mean with each of two offsets and with the opposite one.
+    fn pairs<const N: usize>(&self, offsets: [&SVector<f64, N>; 2]) -> [[Motion; 2]; 2] {
+        let ((dt, substeps), [of_front, of_rear]) = (self.time, self.radius_errors);
+        let [[a, b], [c, d]] = offsets.map(|offset| {
+            let step = Motion::new(offset[0], offset[1], offset[2]);
+            let [front, rear] = radius_errors(offset);
+            let [up, down] = self.unknowns.pair(&Vector3::new(offset[3], offset[4], offset[5]));
+            let radius = |sign: f64| self.map.radius([of_front + sign * front, of_rear + sign * rear]);
+            [(radius(1.0), self.motion + step, up), (radius(-1.0), self.motion - step, down)]
+        });
+        let points = [&a, &b, &c, &d];
+        let [a, b, c, d] = self.driven.advance_four(
+            points.map(|point| point.0),
+            points.map(|point| &point.1),
+            points.map(|point| &point.2),
+            dt,
+            substeps,
+        );
+        [[a, b], [c, d]]
     }
 }
 

@@ -3,7 +3,7 @@
 
 use super::{GRAVITY, Lean, Planar};
 use crate::model::four::Four;
-use crate::model::lanes::tanh_of_four;
+use crate::model::lanes::tanh;
 
 /// Four pitch angles with their sines and cosines.
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +32,7 @@ impl Planar {
     /// [`rolling_resistance`](Self::rolling_resistance)
     #[inline(always)]
     pub(crate) fn rolling_resistances(&self, v: Four) -> Four {
-        Four::splat(self.rolling) * tanh_of_four(v * Four::splat(self.inverse_smoothing))
+        Four::splat(self.rolling) * tanh(v * Four::splat(self.inverse_smoothing))
     }
 
     #[inline(always)]

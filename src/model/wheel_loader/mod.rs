@@ -53,7 +53,7 @@ pub use wide::Driven;
 
 use nalgebra::{Matrix3, Matrix3x2, Vector3};
 use serde::{Deserialize, Serialize};
-use wide::{Axles, vector};
+use wide::{Axles, first, motions, unknowns};
 
 /// Gravity, m/s2.
 pub const GRAVITY: f64 = super::STANDARD_GRAVITY;
@@ -268,25 +268,26 @@ impl WheelLoader {
     /// [`rates`](Self::rates) with their analytic derivatives and those of the front load.
     pub fn linearise(&self, x: &Motion, p: &Unknowns, u: &Drive) -> (Point, Jacobian, LoadDerivatives) {
         let driven = Driven::new(self, u);
-        let wheels = Axles::new([x[1], x[2]]);
-        let at = driven.at((x[0], wheels), Axles::new(self.loader.wheel_radius()), p);
-        let motion = driven.by_motion(&at).map(vector);
-        let [k, h, lambda, front, rear] = driven.by_unknowns_and_radii(&at, wheels).map(vector);
+        let x = motions([x; 4]);
+        let at = driven.at(x, Axles::all(self.loader.wheel_radius()), unknowns([p; 4]));
+        let by_motion = driven.by_motion(&at);
+        let motion = by_motion.map(first);
+        let [k, h, lambda, front, rear] = driven.by_unknowns_and_radii(&at, x.1).map(first);
         let jacobian = Jacobian {
             motion: Matrix3::from_columns(&motion),
             unknowns: Matrix3::from_columns(&[k, h, lambda]),
             radii: Matrix3x2::from_columns(&[front, rear]),
         };
-        let [k, h, lambda] = driven.by_unknowns(&at).map(|by| by.load);
-        let [v, w_f, w_r] = motion.map(|column| at.load_by(column[0]));
+        let [k, h, lambda] = driven.by_unknowns(&at).map(|by| by.load.first());
+        let [v, w_f, w_r] = by_motion.map(|column| at.load_by(column.0).first());
         let point = Point {
-            rates: vector(at.rates),
-            slip: at.slip.to_array(),
-            load: at.load.to_array(),
-            specific_force: at.specific_force,
-            lift: at.lift,
-            transfer: at.transfer,
-            guarded: at.guarded,
+            rates: first(at.rates),
+            slip: at.slip.first(),
+            load: at.load.first(),
+            specific_force: at.specific_force.first(),
+            lift: at.lift.first(),
+            transfer: at.transfer.first(),
+            guarded: at.guarded.first(),
         };
         (point, jacobian, [v, w_f, w_r, k, h, lambda])
     }

@@ -1,24 +1,30 @@
-//! The model with both axles side by side in SIMD lanes, its derivatives and its linearly implicit step: what the
-//! filter's sigma points cost. The definition is [`WheelLoader::rates`]; the derivatives are chain rule over it.
+//! The model at four points side by side in SIMD lanes, its derivatives and its linearly implicit step: what the filter's sigma
+//! points cost. The definition is [`WheelLoader::rates`]; the derivatives are chain rule over it.
 
 use super::{Drive, GRAVITY, Motion, Unknowns, WheelLoader};
+use crate::model::four::{Four, Mask};
 use crate::model::lanes::tanh;
 use multiversion::multiversion;
 use nalgebra::{SMatrix, Vector3};
-use wide::f64x2;
+use std::array::from_fn;
+use std::ops::{Add, Mul, Neg, Sub};
 
-/// One value per axle, front and rear.
-pub(super) type Axles = f64x2;
+/// One value per axle of each point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Axles {
+    pub front: Four,
+    pub rear: Four,
+}
 
 /// A machine and what drives it: all that does not depend on its motion.
 #[derive(Clone, Debug)]
 pub struct Driven<'a> {
     model: &'a WheelLoader,
-    torque: Axles,
-    brake: Axles,
+    torque: [f64; 2],
+    brake: [f64; 2],
     braked: bool,
     /// `1 / I_i`
-    per_inertia: Axles,
+    per_inertia: [f64; 2],
     per_mass: f64,
     per_length: f64,
     per_friction: f64,
@@ -34,7 +40,7 @@ pub struct Driven<'a> {
     force_x: f64,
 }
 
-/// The model at one point with its derivatives to the motion.
+/// The model at four points with its derivatives to the motion.
 pub(super) struct At {
     pub slip: Axles,
     /// Friction demand and its derivatives to `v`, to the own wheel speed and to `K`.
@@ -43,19 +49,19 @@ pub(super) struct At {
     mu_w: Axles,
     mu_k: Axles,
     /// `mu_f - mu_r`
-    difference: f64,
+    difference: Four,
     pub load: Axles,
     /// `m h/l`; 0 if an axle has lost contact and no load can be transferred.
-    lever: f64,
+    lever: Four,
     /// `D` before its guard.
-    pub transfer: f64,
-    pub guarded: bool,
-    pub lift: bool,
+    pub transfer: Four,
+    pub guarded: Mask,
+    pub lift: Mask,
     /// `1 / (m D)`
-    per: f64,
-    pub specific_force: f64,
+    per: Four,
+    pub specific_force: Four,
     /// Derivatives of the specific force to `v` and to the wheel speeds.
-    a_v: f64,
+    a_v: Four,
     a_w: Axles,
     /// Derivative of the specific force to each axle's friction demand.
     effect: Axles,
@@ -63,34 +69,95 @@ pub(super) struct At {
     gear: Axles,
     /// Derivative of the brakes' share of `w_i'` to `w_i`, not positive.
     braking: Axles,
-    pub rates: (f64, Axles),
+    pub rates: Column,
 }
 
-/// A vector `[v, w_f, w_r]`, or a column of derivatives of such a vector.
-pub(super) type Column = (f64, Axles);
+/// A vector `[v, w_f, w_r]` of each point, or a column of derivatives of such a vector.
+pub(super) type Column = (Four, Axles);
 
 /// How the specific force and the axle loads follow an unknown: derivatives of `a_s` and of the
 /// front load, which is minus that of the rear load.
 pub(super) struct ByUnknown {
-    pub specific_force: f64,
-    pub load: f64,
+    pub specific_force: Four,
+    pub load: Four,
 }
 
-/// `[x, -x]`: what one axle gains the other one loses.
+/// The same value at all points.
 #[inline(always)]
-fn opposite(x: f64) -> Axles {
-    Axles::new([x, -x])
+fn all(x: f64) -> Four {
+    Four::splat(x)
 }
 
-/// Smooth sign with its derivative.
-#[inline(always)]
-fn smooth_sign(x: f64, width: f64) -> (f64, f64) {
-    let ratio = x / width;
-    if ratio.abs() > 20.0 {
-        return (ratio.signum(), 0.0); // tanh has reached 1 to the last bit
+impl Axles {
+    pub const ZERO: Self = Self { front: Four::ZERO, rear: Four::ZERO };
+
+    /// One value per axle, the same at all points.
+    #[inline(always)]
+    pub fn all([front, rear]: [f64; 2]) -> Self {
+        Self { front: all(front), rear: all(rear) }
     }
-    let t = ratio.tanh();
-    (t, (1.0 - t * t) / width)
+
+    /// The same value at both axles.
+    #[inline(always)]
+    fn both(value: Four) -> Self {
+        Self { front: value, rear: value }
+    }
+
+    /// What one axle gains the other one loses.
+    #[inline(always)]
+    fn opposite(value: Four) -> Self {
+        Self { front: value, rear: -value }
+    }
+
+    #[inline(always)]
+    fn sum(self) -> Four {
+        self.front + self.rear
+    }
+
+    /// `self` at the points of the mask, `other` elsewhere.
+    #[inline(always)]
+    fn where_or(self, mask: Mask, other: Self) -> Self {
+        Self { front: mask.choose(self.front, other.front), rear: mask.choose(self.rear, other.rear) }
+    }
+
+    /// Those of the first point.
+    pub fn first(self) -> [f64; 2] {
+        [self.front.first(), self.rear.first()]
+    }
+}
+
+macro_rules! axle_by_axle {
+    ($($operator:ident, $function:ident, $symbol:tt;)*) => {$(
+        impl $operator for Axles {
+            type Output = Self;
+            #[inline(always)]
+            fn $function(self, other: Self) -> Self {
+                Self { front: self.front $symbol other.front, rear: self.rear $symbol other.rear }
+            }
+        }
+    )*};
+}
+
+axle_by_axle! {
+    Add, add, +;
+    Sub, sub, -;
+    Mul, mul, *;
+}
+
+impl Mul<Four> for Axles {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Four) -> Self {
+        self * Self::both(other)
+    }
+}
+
+impl Neg for Axles {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self { front: -self.front, rear: -self.rear }
+    }
 }
 
 impl<'a> Driven<'a> {
@@ -101,10 +168,10 @@ impl<'a> Driven<'a> {
         let across = m * GRAVITY * cos;
         Self {
             model,
-            torque: Axles::new(u.torque),
-            brake: Axles::new(u.brake),
+            torque: u.torque,
+            brake: u.brake,
             braked: u.brake != [0.0; 2],
-            per_inertia: 1.0 / Axles::new(loader.axle_inertia()),
+            per_inertia: loader.axle_inertia().map(|inertia| 1.0 / inertia),
             per_mass: 1.0 / m,
             per_length,
             per_friction: model.tire.per_friction(),
@@ -121,58 +188,78 @@ impl<'a> Driven<'a> {
     #[inline(always)]
     fn friction_demand(&self, x: Axles) -> (Axles, Axles) {
         if self.per_friction > 0.0 {
-            let t = tanh(x * self.per_friction);
-            (t * self.model.tire.friction, 1.0 - t * t)
+            let x = x * all(self.per_friction);
+            let t = Axles { front: tanh(x.front), rear: tanh(x.rear) };
+            (t * all(self.model.tire.friction), Axles::both(Four::ONE) - t * t)
         } else {
-            (x, Axles::ONE)
+            (x, Axles::both(Four::ONE))
         }
+    }
+
+    /// Smooth sign with its derivative.
+    #[inline(always)]
+    fn smooth_sign(&self, x: Four) -> (Four, Four) {
+        let per_width = all(1.0 / self.model.rolling.smoothing_speed);
+        let t = tanh(x * per_width);
+        (t, (Four::ONE - t * t) * per_width)
+    }
+
+    /// Slip with its derivatives to `v` and to the wheel's speed.
+    #[inline(always)]
+    fn slip(&self, v: Four, w: Four, r: Four) -> [Four; 3] {
+        // sigma = s / M with M = max(|r w|, |v|, v_g); where M is not constant, its derivative enters.
+        let rolling = r * w;
+        let (wheel_size, speed_size, least) = (rolling.abs(), v.abs(), all(self.model.tire.slip_speed));
+        let by_speed = speed_size.greater(wheel_size.max(least));
+        let per_m = Four::ONE / wheel_size.max(speed_size).max(least);
+        let slip = (rolling - v) * per_m;
+        let bend = slip * per_m * per_m;
+        let slip_v = -per_m - by_speed.select(bend * v);
+        let by_wheel = speed_size.greater(wheel_size).choose(Four::ZERO, bend * rolling);
+        let slip_w = r * (per_m - wheel_size.greater(least).select(by_wheel));
+        [slip, slip_v, slip_w]
     }
 
     /// The model with wheels of radius `r`.
     #[inline(always)]
-    pub(super) fn at(&self, (v, w): Column, r: Axles, p: &Unknowns) -> At {
-        let (stiffness, h, lambda) = (p[0], p[1], p[2]);
-        let WheelLoader { loader, rolling: resistance, tire } = self.model;
-
-        // sigma = s / M with M = max(|r w|, |v|, v_g); where M is not constant, its derivative enters.
-        let (rolling, speed) = (r * w, Axles::splat(v));
-        let (wheel_size, speed_size, least) = (rolling.abs(), speed.abs(), Axles::splat(tire.slip_speed));
-        let by_wheel = wheel_size.simd_ge(speed_size) & wheel_size.simd_gt(least);
-        let by_speed = speed_size.simd_gt(wheel_size.fast_max(least));
-        let per_m = 1.0 / wheel_size.fast_max(speed_size).fast_max(least);
-        let slip = (rolling - speed) * per_m;
-        let bend = slip * per_m * per_m;
-        let slip_v = -per_m - (by_speed & (bend * speed));
-        let slip_w = r * (per_m - (by_wheel & (bend * rolling)));
-
+    pub(super) fn at(&self, (v, w): Column, r: Axles, [stiffness, h, lambda]: [Four; 3]) -> At {
+        let WheelLoader { loader, rolling: resistance, .. } = self.model;
+        let [front, rear] = [self.slip(v, w.front, r.front), self.slip(v, w.rear, r.rear)];
+        let [slip, slip_v, slip_w] = from_fn(|i| Axles { front: front[i], rear: rear[i] });
         let (mu, mu_x) = self.friction_demand(slip * stiffness);
         let steep = mu_x * stiffness;
         let (mu_v, mu_w, mu_k) = (steep * slip_v, steep * slip_w, mu_x * slip);
-        let (sign, sign_v) = smooth_sign(v, resistance.smoothing_speed);
+        let (sign, sign_v) = self.smooth_sign(v);
 
-        let base_f = self.across * lambda + self.spading;
-        let base = Axles::new([base_f, self.weight - base_f]);
-        let [mu_f, mu_r] = mu.to_array();
-        let difference = mu_f - mu_r;
-        let transfer = 1.0 + h * self.per_length * difference;
-        let guarded = transfer < loader.transfer_floor;
-        let mut per = self.per_mass / if guarded { loader.transfer_floor } else { transfer };
-        let mut drag = resistance.coefficient * self.weight;
-        let mut a_s = ((mu * base).reduce_add() - drag * sign - self.force_x) * per;
-        let mut lever = loader.mass * h * self.per_length;
-        let mut load = base - opposite(lever * a_s);
-        let [load_f, load_r] = load.to_array();
-        let lift = load_f < 0.0 || load_r < 0.0;
-        let mut effect = if guarded { base } else { load } * per;
-        if lift {
-            let all = self.weight.max(0.0);
-            load = Axles::new(if load_f >= 0.0 { [all, 0.0] } else { [0.0, all] });
-            (per, lever, drag) = (self.per_mass, 0.0, resistance.coefficient * all);
-            a_s = ((mu * load).reduce_add() - drag * sign - self.force_x) * per;
-            effect = load * per;
+        let base_f = all(self.across) * lambda + all(self.spading);
+        let base = Axles { front: base_f, rear: all(self.weight) - base_f };
+        let difference = mu.front - mu.rear;
+        let transfer = Four::ONE + h * all(self.per_length) * difference;
+        let floor = all(loader.transfer_floor);
+        let guarded = floor.greater(transfer);
+        let mut per = all(self.per_mass) / transfer.max(floor);
+        let mut drag = all(resistance.coefficient * self.weight);
+        let force_x = all(self.force_x);
+        let mut a_s = ((mu * base).sum() - drag * sign - force_x) * per;
+        let mut lever = all(loader.mass * self.per_length) * h;
+        let mut load = base - Axles::opposite(lever * a_s);
+        let mut effect = base.where_or(guarded, load) * per;
+        let rises = Four::ZERO.greater(load.front);
+        let lift = rises | Four::ZERO.greater(load.rear);
+        if lift.any() {
+            let whole = all(self.weight.max(0.0));
+            // the rear axle carries if neither keeps contact
+            let carried = Axles { front: rises.choose(Four::ZERO, whole), rear: rises.select(whole) };
+            load = carried.where_or(lift, load);
+            per = lift.choose(all(self.per_mass), per);
+            lever = lift.choose(Four::ZERO, lever);
+            drag = lift.choose(all(resistance.coefficient) * whole, drag);
+            a_s = lift.choose(((mu * load).sum() - drag * sign - force_x) * per, a_s);
+            effect = (load * per).where_or(lift, effect);
         }
 
-        let gear = -r * self.per_inertia;
+        let per_inertia = Axles::all(self.per_inertia);
+        let gear = -r * per_inertia;
         let (brake, braking) = if self.braked { self.braking(r, w) } else { (Axles::ZERO, Axles::ZERO) };
         At {
             slip,
@@ -188,53 +275,64 @@ impl<'a> Driven<'a> {
             lift,
             per,
             specific_force: a_s,
-            a_v: (mu_v * effect).reduce_add() - drag * sign_v * per,
+            a_v: (mu_v * effect).sum() - drag * sign_v * per,
             a_w: mu_w * effect,
             effect,
             gear,
             braking,
-            rates: (a_s - self.along, (self.torque - brake) * self.per_inertia + gear * mu * load),
+            rates: (a_s - all(self.along), (Axles::all(self.torque) - brake) * per_inertia + gear * mu * load),
         }
     }
 
     /// Brake torques against the wheels' rotation and how they change `w'` with `w`.
     #[inline(always)]
     fn braking(&self, r: Axles, w: Axles) -> (Axles, Axles) {
-        let [front, rear] = (r * w).to_array().map(|rolling| smooth_sign(rolling, self.model.rolling.smoothing_speed));
-        let by_speed = Axles::new([front.1, rear.1]);
-        (self.brake * Axles::new([front.0, rear.0]), -self.brake * by_speed * r * self.per_inertia)
+        let rolling = r * w;
+        let [front, rear] = [rolling.front, rolling.rear].map(|rolling| self.smooth_sign(rolling));
+        let (brake, by_speed) = (Axles::all(self.brake), Axles { front: front.1, rear: rear.1 });
+        (brake * Axles { front: front.0, rear: rear.0 }, -brake * by_speed * r * Axles::all(self.per_inertia))
     }
 
     /// Derivatives to `[K, h, lambda]`.
+    #[inline(always)]
     pub(super) fn by_unknowns(&self, at: &At) -> [ByUnknown; 3] {
-        let stiffness = (at.mu_k * at.effect).reduce_add();
-        let (mut height, mut ratio) = (0.0, 0.0);
-        if !at.lift {
-            ratio = self.across * at.difference * at.per;
-            if !at.guarded {
-                height = -at.specific_force * at.difference * self.per_length * self.model.loader.mass * at.per;
-            }
-        }
-        let (by_height, by_ratio) = if at.lift {
-            (0.0, 0.0)
-        } else {
-            (self.model.loader.mass * self.per_length * at.specific_force, self.across)
-        };
+        let (across, mass) = (all(self.across), all(self.model.loader.mass));
+        let grounded = |value: Four| at.lift.choose(Four::ZERO, value);
+        let stiffness = (at.mu_k * at.effect).sum();
+        let moment = mass * all(self.per_length) * at.specific_force;
+        let ratio = grounded(across * at.difference * at.per);
+        let height = grounded(at.guarded.choose(Four::ZERO, -moment * at.difference * at.per));
         [
             ByUnknown { specific_force: stiffness, load: at.load_by(stiffness) },
-            ByUnknown { specific_force: height, load: at.load_by(height) - by_height },
-            ByUnknown { specific_force: ratio, load: at.load_by(ratio) + by_ratio },
+            ByUnknown { specific_force: height, load: at.load_by(height) - grounded(moment) },
+            ByUnknown { specific_force: ratio, load: at.load_by(ratio) + grounded(across) },
         ]
     }
 
     /// Whether an axle has lost contact.
     pub fn lifts(&self, x: &Motion, p: &Unknowns) -> bool {
-        self.at((x[0], Axles::new([x[1], x[2]])), Axles::new(self.model.loader.wheel_radius()), p).lift
+        self.at(motions([x; 4]), Axles::all(self.model.loader.wheel_radius()), unknowns([p; 4])).lift.any()
     }
 
     /// [`WheelLoader::advance`] with wheels of radius `radius`.
     pub fn advance(&self, radius: [f64; 2], x: &Motion, p: &Unknowns, dt: f64, substeps: u32) -> Motion {
-        advance(self, radius, x, p, dt, substeps)
+        let [moved, ..] = self.advance_four([radius; 4], [x; 4], [p; 4], dt, substeps);
+        moved
+    }
+
+    /// The same of four points.
+    pub fn advance_four(
+        &self,
+        radius: [[f64; 2]; 4],
+        x: [&Motion; 4],
+        p: [&Unknowns; 4],
+        dt: f64,
+        substeps: u32,
+    ) -> [Motion; 4] {
+        let r = Axles { front: Four::new(radius.map(|r| r[0])), rear: Four::new(radius.map(|r| r[1])) };
+        let (v, w) = advance(self, &r, &motions(x), &unknowns(p), dt / f64::from(substeps), substeps);
+        let [v, front, rear] = [v, w.front, w.rear].map(Four::to_array);
+        from_fn(|i| Vector3::new(v[i], front[i], rear[i]))
     }
 
     /// [`WheelLoader::advance_linearised`] with wheels of radius `radius`: the derivatives to the first `N`
@@ -247,71 +345,86 @@ impl<'a> Driven<'a> {
         dt: f64,
         substeps: u32,
     ) -> (Motion, SMatrix<f64, 3, N>) {
-        let (hs, r) = (dt / f64::from(substeps), Axles::new(radius));
-        let mut x = (x[0], Axles::new([x[1], x[2]]));
-        let mut f: [Column; N] = std::array::from_fn(unit);
-        for _ in 0..substeps {
-            let at = self.at(x, r, p);
-            let implicit = Implicit::new(&at, hs);
-            let Some(moved) = moved(x, implicit.solve((at.rates.0 * hs, at.rates.1 * hs))) else { continue };
-            let derivatives = self.by_unknowns_and_radii(&at, x.1);
-            for (k, column) in f.iter_mut().enumerate() {
-                if let Some(rate) = k.checked_sub(3).map(|k| derivatives[k]) {
-                    *column = (column.0 + rate.0 * hs, column.1 + rate.1 * hs);
-                }
-                *column = implicit.solve(*column);
-            }
-            x = moved;
-        }
-        (vector(x), SMatrix::from_columns(&f.map(vector)))
+        let (x, r, p) = (motions([x; 4]), Axles::all(radius), unknowns([p; 4]));
+        let (x, f) = advance_linearised::<N>(self, &r, &x, &p, dt / f64::from(substeps), substeps);
+        (first(x), SMatrix::from_columns(&f.map(first)))
     }
 
     /// Derivatives of the rates to the motion.
+    #[inline(always)]
     pub(super) fn by_motion(&self, at: &At) -> [Column; 3] {
-        let through_load = at.gear * at.mu * opposite(at.lever);
+        let through_load = at.gear * at.mu * Axles::opposite(at.lever);
         let own = at.gear * at.load * at.mu_w + at.braking;
-        let [a_f, a_r] = at.a_w.to_array();
-        let [own_f, own_r] = own.to_array();
+        let [a_f, a_r] = [at.a_w.front, at.a_w.rear];
         [
             (at.a_v, at.gear * at.load * at.mu_v - through_load * at.a_v),
-            (a_f, Axles::new([own_f, 0.0]) - through_load * a_f),
-            (a_r, Axles::new([0.0, own_r]) - through_load * a_r),
+            (a_f, Axles { rear: Four::ZERO, ..own } - through_load * a_f),
+            (a_r, Axles { front: Four::ZERO, ..own } - through_load * a_r),
         ]
     }
 
     /// Derivatives of the rates to `[K, h, lambda, ln r_f, ln r_r]` where the wheels turn at `w`.
+    #[inline(always)]
     pub(super) fn by_unknowns_and_radii(&self, at: &At, w: Axles) -> [Column; 5] {
-        let [k, h, lambda] = self.by_unknowns(at).map(|by| (by.specific_force, at.gear * at.mu * opposite(by.load)));
+        let [k, h, lambda] =
+            self.by_unknowns(at).map(|by| (by.specific_force, at.gear * at.mu * Axles::opposite(by.load)));
         // The wheel speeds enter as r w only; r also is the lever of the tyre's force.
-        let ([_, f, r], [w_f, w_r]) = (self.by_motion(at), w.to_array());
-        let [force_f, force_r] = (at.gear * at.mu * at.load).to_array();
+        let [_, f, r] = self.by_motion(at);
+        let force = at.gear * at.mu * at.load;
         [
             (k.0, k.1 + at.gear * at.mu_k * at.load),
             h,
             lambda,
-            (f.0 * w_f, f.1 * w_f + Axles::new([force_f, 0.0])),
-            (r.0 * w_r, r.1 * w_r + Axles::new([0.0, force_r])),
+            (f.0 * w.front, f.1 * w.front + Axles { rear: Four::ZERO, ..force }),
+            (r.0 * w.rear, r.1 * w.rear + Axles { front: Four::ZERO, ..force }),
         ]
     }
 }
 
 #[multiversion(targets("x86_64+avx+avx2"))]
-fn advance(driven: &Driven, radius: [f64; 2], x: &Motion, p: &Unknowns, dt: f64, substeps: u32) -> Motion {
-    let (hs, r) = (dt / f64::from(substeps), Axles::new(radius));
-    let mut x = (x[0], Axles::new([x[1], x[2]]));
+fn advance(driven: &Driven, r: &Axles, x: &Column, p: &[Four; 3], hs: f64, substeps: u32) -> Column {
+    let (mut x, hs) = (*x, all(hs));
     for _ in 0..substeps {
-        let at = driven.at(x, r, p);
-        let step = Implicit::new(&at, hs).solve((at.rates.0 * hs, at.rates.1 * hs));
-        if let Some(moved) = moved(x, step) {
-            x = moved;
-        }
+        let at = driven.at(x, *r, *p);
+        (x, _) = moved(x, Implicit::new(&at, hs).solve((at.rates.0 * hs, at.rates.1 * hs)));
     }
-    vector(x)
+    x
+}
+
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn advance_linearised<const N: usize>(
+    driven: &Driven,
+    r: &Axles,
+    x: &Column,
+    p: &[Four; 3],
+    hs: f64,
+    substeps: u32,
+) -> (Column, [Column; N]) {
+    let (mut x, hs) = (*x, all(hs));
+    let mut f: [Column; N] = from_fn(unit);
+    for _ in 0..substeps {
+        let at = driven.at(x, *r, *p);
+        let implicit = Implicit::new(&at, hs);
+        let (moved, exists) = moved(x, implicit.solve((at.rates.0 * hs, at.rates.1 * hs)));
+        if !exists.any() {
+            continue;
+        }
+        let derivatives = driven.by_unknowns_and_radii(&at, x.1);
+        for (k, column) in f.iter_mut().enumerate() {
+            if let Some(rate) = k.checked_sub(3).map(|k| derivatives[k]) {
+                *column = (column.0 + rate.0 * hs, column.1 + rate.1 * hs);
+            }
+            *column = implicit.solve(*column);
+        }
+        x = moved;
+    }
+    (x, f)
 }
 
 impl At {
     /// Derivative of the front load to something by which the specific force has the derivative `a_s`.
-    pub(super) fn load_by(&self, a_s: f64) -> f64 {
+    #[inline(always)]
+    pub(super) fn load_by(&self, a_s: Four) -> Four {
         -self.lever * a_s
     }
 }
@@ -328,18 +441,19 @@ struct Implicit {
     speed: Axles,
     /// What the wheels do to the speed.
     wheels: Axles,
-    scale: f64,
+    scale: Four,
 }
 
 impl Implicit {
     #[inline(always)]
-    fn new(at: &At, hs: f64) -> Self {
+    fn new(at: &At, hs: Four) -> Self {
         let grip = at.gear * at.load * hs;
-        let own = 1.0 / (1.0 - (grip * at.mu_w + at.braking * hs));
-        let transfer = at.gear * at.mu * opposite(at.lever);
+        let element = Axles::both(Four::ONE) - (grip * at.mu_w + at.braking * hs);
+        let own = Axles { front: Four::ONE / element.front, rear: Four::ONE / element.rear };
+        let transfer = at.gear * at.mu * Axles::opposite(at.lever);
         let speed = grip * at.mu_v - transfer;
         let wheels = at.a_w * own * hs;
-        let scale = 1.0 / (1.0 - hs * at.a_v - (wheels * speed).reduce_add());
+        let scale = Four::ONE / (Four::ONE - hs * at.a_v - (wheels * speed).sum());
         Self { own, transfer, speed, wheels, scale }
     }
 
@@ -347,27 +461,40 @@ impl Implicit {
     #[inline(always)]
     fn solve(&self, (b_v, b_w): Column) -> Column {
         let b_w = b_w + self.transfer * b_v;
-        let v = (b_v + (self.wheels * b_w).reduce_add()) * self.scale;
+        let v = (b_v + (self.wheels * b_w).sum()) * self.scale;
         (v, (b_w + self.speed * v) * self.own)
     }
 }
 
-/// The motion after a step, or nothing if the step does not exist.
+/// The motion after a step, as it was where the step does not exist; and where it does.
 #[inline(always)]
-fn moved((v, w): Column, (dv, dw): Column) -> Option<Column> {
-    let x = (v + dv, w + dw);
-    (x.0 + x.1.reduce_add()).is_finite().then_some(x)
+fn moved((v, w): Column, (dv, dw): Column) -> (Column, Mask) {
+    let (to_v, to_w) = (v + dv, w + dw);
+    let exists = (to_v + to_w.sum()).is_finite();
+    ((exists.choose(to_v, v), to_w.where_or(exists, w)), exists)
 }
 
 /// Column `k` of the identity followed by zeros.
 fn unit(k: usize) -> Column {
     let one = |i: usize| f64::from(u8::from(i == k));
-    (one(0), Axles::new([one(1), one(2)]))
+    (all(one(0)), Axles::all([one(1), one(2)]))
 }
 
-pub(super) fn vector((v, w): Column) -> Vector3<f64> {
-    let [front, rear] = w.to_array();
-    Vector3::new(v, front, rear)
+#[inline(always)]
+pub(super) fn motions(x: [&Motion; 4]) -> Column {
+    let [v, front, rear] = from_fn(|i| Four::new(x.map(|x| x[i])));
+    (v, Axles { front, rear })
+}
+
+#[inline(always)]
+pub(super) fn unknowns(p: [&Unknowns; 4]) -> [Four; 3] {
+    from_fn(|i| Four::new(p.map(|p| p[i])))
+}
+
+/// That of the first point.
+pub(super) fn first((v, w): Column) -> Vector3<f64> {
+    let [front, rear] = w.first();
+    Vector3::new(v.first(), front, rear)
 }
 
 #[cfg(test)]
