@@ -29,7 +29,8 @@ impl ChairBelief {
             Self::Biased(belief) => (belief.mean[model::XI], belief.std(model::XI)),
             Self::Gravity(belief) => {
                 let x = biased_gravity::chair_state(&belief.mean);
-                (gravity::tilt(&x).0.asin(), slope_std(&x, &belief.covariance))
+                // a sine, which is as good
+                (gravity::tilt(&x).0, slope_std(&x, &belief.covariance))
             }
         };
         slope.abs() > SIGNIFICANT * std

@@ -46,6 +46,7 @@ pub fn biased_derivative(chair: &Chair, x: &BiasedState, u: &Command, still: boo
 }
 
 /// [`biased_derivative`] and the Jacobian of its first five rows at the price of one.
+#[inline]
 pub fn biased_linearise(
     chair: &Chair,
     x: &BiasedState,
@@ -74,6 +75,7 @@ fn with_biases(chair: &Chair, x: &BiasedState, mut y: Output) -> Output {
 }
 
 /// [`observe`] with biases.
+#[inline]
 pub fn biased_observe(chair: &Chair, x: &BiasedState, u: &Command, still: bool) -> Observation<13> {
     let seen = observe(chair, &chair_state(x), &acting(x, u), still);
     let mut jacobian = SMatrix::<f64, 6, 13>::zeros();

@@ -23,6 +23,7 @@ pub const MOMENT_OFFSET: usize = 14;
 const ACCEL_X_BIAS: usize = 9;
 
 /// The state without biases and force errors.
+#[inline]
 pub fn chair_state(x: &State) -> gravity::State {
     x.fixed_rows::<8>(0).into_owned()
 }
@@ -45,11 +46,13 @@ fn with_biases(x: &State, mut y: Output) -> Output {
 }
 
 /// `x' = f(x, u)` of [`gravity::derivative`]; biases stay as they are.
+#[inline]
 pub fn derivative(chair: &Chair, x: &State, u: &Command, still: bool) -> State {
     without_biases(&gravity::derivative(chair, &chair_state(x), &acting(x, u), still))
 }
 
 /// [`derivative`] and the Jacobian of its first six rows at the price of one; the others are zero.
+#[inline]
 pub fn linearise(chair: &Chair, x: &State, u: &Command, still: bool) -> (State, SMatrix<f64, 6, 15>) {
     let (rate, jacobian) = gravity::linearise(chair, &chair_state(x), &acting(x, u), still);
     let mut all = SMatrix::<f64, 6, 15>::zeros();
@@ -65,6 +68,7 @@ pub fn output(chair: &Chair, x: &State, u: &Command, still: bool) -> Output {
 }
 
 /// [`output`] and its Jacobian at the price of one.
+#[inline]
 pub fn observe(chair: &Chair, x: &State, u: &Command, still: bool) -> (Output, SMatrix<f64, 6, 15>) {
     let (y, seen) = gravity::observe(chair, &chair_state(x), &acting(x, u), still);
     let mut jacobian = SMatrix::<f64, 6, 15>::zeros();

@@ -75,6 +75,7 @@ fn accelerations(chair: &Chair, x: &State, u: &Command, still: bool) -> Accelera
 
 /// `x' = f(x, u)`: `s' = v + renc wp`, `psi' = r`, `gx' = r gy + gz wp`, `gy' = gz wr - r gx`, the
 /// rates `wp`, `wr` constant, `v'` and `r'` as in [`super::derivative`].
+#[inline]
 pub fn derivative(chair: &Chair, x: &State, u: &Command, still: bool) -> State {
     rates(chair, x, &accelerations(chair, x, u, still))
 }
@@ -86,6 +87,7 @@ fn rates(chair: &Chair, x: &State, a: &Accelerations) -> State {
 }
 
 /// [`derivative`] and the Jacobian of its first six rows at the price of one; the others are zero.
+#[inline]
 pub fn linearise(chair: &Chair, x: &State, u: &Command, still: bool) -> (State, SMatrix<f64, 6, 8>) {
     let a = accelerations(chair, x, u, still);
     let mut jacobian = SMatrix::<f64, 6, 8>::zeros();
@@ -110,6 +112,7 @@ pub fn linearise(chair: &Chair, x: &State, u: &Command, still: bool) -> (State, 
 
 /// `y = h(x, u)`: as [`super::output`] for a strapped-down gyro and a rigid body, with the body rates
 /// `p = wr`, `q = -wp` in first order and the second row `alpha_enc = psi`.
+#[inline]
 pub fn output(chair: &Chair, x: &State, u: &Command, still: bool) -> Output {
     reading(chair, x, &accelerations(chair, x, u, still))
 }
@@ -128,6 +131,7 @@ fn reading(chair: &Chair, x: &State, a: &Accelerations) -> Output {
 }
 
 /// [`output`] and its Jacobian at the price of one.
+#[inline]
 pub fn observe(chair: &Chair, x: &State, u: &Command, still: bool) -> (Output, SMatrix<f64, 6, 8>) {
     let a = accelerations(chair, x, u, still);
     let (v, r, p, q, g) = (x[V], x[R], x[WR], -x[WP], chair.gravity);
@@ -156,12 +160,14 @@ pub fn observe(chair: &Chair, x: &State, u: &Command, still: bool) -> (Output, S
 }
 
 /// What `wp'` and `wr'` add to the accelerometer per rad/s^2, m; the model leaves both to the noise.
+#[inline]
 pub fn tilt_levers(chair: &Chair) -> [Vector3<f64>; 2] {
     let [dx, dy, dz] = chair.lever();
     [Vector3::new(-dz, 0.0, dx), Vector3::new(0.0, -dz, dy)]
 }
 
 /// Size of the tilt `sin(xi) = |(gx, gy)|`, at most 1, and the unit vector along it in body axes; on flat ground any.
+#[inline]
 pub fn tilt(x: &State) -> (f64, [f64; 2]) {
     let tilt = (x[GX] * x[GX] + x[GY] * x[GY]).sqrt().min(1.0);
     (tilt, if tilt > LEVEL { [x[GX] / tilt, x[GY] / tilt] } else { [1.0, 0.0] })
@@ -184,6 +190,7 @@ pub struct Pose {
 }
 
 /// `alpha = atan2(gx, gy)`, `xi = asin |(gx, gy)|`, `w` and `phi = asin gx`.
+#[inline]
 pub fn pose(x: &State) -> Pose {
     let (tilt, [ux, uy]) = tilt(x);
     Pose {

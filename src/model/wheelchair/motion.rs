@@ -81,6 +81,7 @@ pub(super) fn accelerations(chair: &Chair, x: &State, trig: &Trig, u: &Command, 
 ///
 /// The source's model has neither `crr`, `tauc`, `mrot`, `irot` nor the terms in `M l r`.
 /// `still`: brakes or static friction hold the chair, `v' = r' = 0` whatever the command.
+#[inline]
 pub fn derivative(chair: &Chair, x: &State, u: &Command, still: bool) -> State {
     let Trig { sa, ca, sx, cx } = Trig::of(x);
     let (v_dot, r_dot) = if still {
@@ -97,6 +98,7 @@ fn rates(chair: &Chair, x: &State, sa: f64, v_dot: f64, r_dot: f64) -> State {
 }
 
 /// [`derivative`] and its Jacobian (eq. 44 corrected) at the price of one.
+#[inline]
 pub fn linearise(chair: &Chair, x: &State, u: &Command, still: bool) -> (State, MotionJacobian) {
     let trig = Trig::of(x);
     let Trig { sa, ca, .. } = trig;

@@ -22,6 +22,7 @@ pub struct Observation<const N: usize> {
 }
 
 /// [`output`], its Jacobian and [`tilt_lever`] at the price of one.
+#[inline]
 pub fn observe(chair: &Chair, x: &State, u: &Command, still: bool) -> Observation<6> {
     let trig = Trig::of(x);
     let a = accelerations(chair, x, &trig, u, still);
