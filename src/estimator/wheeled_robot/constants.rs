@@ -29,6 +29,9 @@ fn brush(used: f64) -> f64 {
     if used < 1e-3 { 1.0 } else { 3.0 * (1.0 - (1.0 - used.min(1.0)).cbrt()) / used.min(1.0) }
 }
 
+/// Up to this share of the friction [`brush`], which is convex, rises by less than this per share.
+const GENTLE: (f64, f64) = (0.5, 0.7);
+
 /// The slip of a tyre as soft as its cornering stiffness may be over the slip of [`COMPLIANCE`]. Tread that yields alike in all
 /// directions has one stiffness for slip and slip angle (Pacejka, the brush model); carcasses yield more to the side, so that it
 /// is the least that the stiffness for slip can be. The gain is that of usual tyres: only the deviations have to contain this.
@@ -199,8 +202,13 @@ impl Constants {
                 return first_order;
             }
             let whole = (longitudinal[i] * longitudinal[i] + lateral[i] * lateral[i]).sqrt();
-            let [driven, free] = [whole, lateral[i].abs()].map(|force| brush(force / (friction * load[i])));
-            let costs = lateral[i] / (per_load * load[i]) * (driven - free) * stiffness[i];
+            let [driven, free] = [whole, lateral[i].abs()].map(|force| force / (friction * load[i]));
+            let costs = |more: f64| lateral[i] / (per_load * load[i]) * more * stiffness[i];
+            // most wheels are far from the friction: two cube roots less
+            if driven < GENTLE.0 && costs(GENTLE.1 * (driven - free)).abs() < first_order.abs() {
+                return first_order;
+            }
+            let costs = costs(brush(driven) - brush(free));
             if costs.abs() > first_order.abs() { costs } else { first_order }
         });
         Grip { load, lateral, slip_angle, stiffness, by_friction }
@@ -284,4 +292,18 @@ impl Constants {
 /// What the errors of stiffness, of which the standard deviation is given, and friction make of a wheel's force, N.
 fn wheel_errors(grip: &Grip, wheel: usize, [stiffness, _]: &[f64; 2]) -> [f64; 2] {
     [grip.slip_angle[wheel] * grip.stiffness[wheel] * stiffness, grip.by_friction[wheel]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_brush_models_curve_is_convex_and_gentle_far_from_the_friction() {
+        let (gentle, steepest) = GENTLE;
+        let slopes: Vec<f64> =
+            (0..1000).map(|k| 1e-3 * f64::from(k)).map(|u| (brush(u + 1e-3) - brush(u)) * 1e3).collect();
+        assert!(slopes[1..].is_sorted());
+        assert!(slopes[(gentle * 1e3) as usize - 1] < steepest && (brush(1.0) - 3.0).abs() < 1e-12);
+    }
 }
