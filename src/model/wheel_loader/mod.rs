@@ -40,7 +40,7 @@
 //! - Table 1: the mass "4.7 kg" is in tonnes and 50 N.m can only be a motor torque.
 
 //!
-//! [`WheelLoader::rates`] is the definition; [`Driven`] computes both axles side by side, with the derivatives and the
+//! [`WheelLoader::rates`] is the definition; [`Driven`] computes four points side by side, with the derivatives and the
 //! implicit step, and is held to it by its tests.
 
 mod steady;

@@ -504,7 +504,7 @@ mod tests {
 
     /// To 1e-13 of the weight and of what it accelerates, driving, braking and reversing, until axles lift.
     #[test]
-    fn both_axles_side_by_side_have_the_rates_of_the_definition() {
+    fn points_side_by_side_have_the_rates_of_the_definition() {
         let (mut lifted, mut guarded) = (0, 0);
         for friction in [0.75, 1e6] {
             let machine = WheelLoader { tire: Tire { friction, ..Tire::default() }, ..WheelLoader::default() };
