@@ -277,7 +277,7 @@ impl Map {
             if pass > 1 && settled {
                 break;
             }
-            self.descend(numbers);
+            self.descend(numbers, pass > 0);
             for (slot, &unknown) in self.work.iter_mut().zip(self.ldl.order()) {
                 *slot = self.gradient[unknown as usize];
             }
@@ -298,8 +298,8 @@ impl Map {
         settled
     }
 
-    /// The gradient `A' W (b - A x) + P (m - x)`.
-    fn descend(&mut self, numbers: &Numbers) {
+    /// The gradient `A' W (b - A x) + P (m - x)`; `x` is 0 unless it has `moved`.
+    fn descend(&mut self, numbers: &Numbers, moved: bool) {
         let prior = numbers.precision.iter().zip(numbers.mean);
         for ((g, x), (p, m)) in self.gradient.iter_mut().zip(&self.x).zip(prior) {
             *g = p * (m - x);
@@ -309,8 +309,10 @@ impl Map {
             let columns = &self.column[entries.clone()];
             let values = &numbers.value[entries];
             let mut residual = numbers.right[r];
-            for (&c, &v) in columns.iter().zip(values) {
-                residual -= v * self.x[c as usize];
+            if moved {
+                for (&c, &v) in columns.iter().zip(values) {
+                    residual -= v * self.x[c as usize];
+                }
             }
             let s = numbers.weight[r] * residual;
             for (&c, &v) in columns.iter().zip(values) {
