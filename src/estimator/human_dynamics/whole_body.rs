@@ -277,7 +277,8 @@ impl WholeBody {
         let rows = self.equations.rows();
         let entries = rows.start[row]..rows.start[row + 1];
         let mean = self.map.mean();
-        let product: f64 = entries.map(|e| rows.value[e] * mean[rows.column[e] as usize]).sum();
+        let entries = rows.value[entries.clone()].iter().zip(&rows.column[entries]);
+        let product: f64 = entries.map(|(value, column)| value * mean[*column as usize]).sum();
         (self.right[row] - product, self.weight[row])
     }
 
