@@ -213,17 +213,22 @@ impl SparseLdl {
             let first = remaining - width * width.saturating_sub(1) / 2;
             let mut targets = &self.target[first..remaining];
             remaining = first;
-            for (k, &r) in self.row[from..to].iter().enumerate() {
-                let lk = l[k];
+            let (mut later, mut sums) = (l, &mut *sum);
+            for &r in &self.row[from..to] {
+                let (Some((&lk, rest)), Some((own_sum, rest_sums))) = (later.split_first(), sums.split_first_mut())
+                else {
+                    break;
+                };
+                (later, sums) = (rest, rest_sums);
                 let mut own = lk * self.inverse_diagonal[r as usize];
-                let (now, later) = targets.split_at(width - k - 1);
-                targets = later;
-                for ((&t, &li), s) in now.iter().zip(&l[k + 1..]).zip(&mut sum[k + 1..]) {
+                let (now, others) = targets.split_at(rest.len());
+                targets = others;
+                for ((&t, &li), s) in now.iter().zip(rest).zip(&mut *sums) {
                     let z = self.inverse_lower[t as usize];
                     own += li * z;
                     *s += lk * z;
                 }
-                sum[k] += own;
+                *own_sum += own;
             }
             let mut diagonal = 1.0 / diagonal[j];
             for ((&s, &l), z) in sum.iter().zip(l).zip(&mut self.inverse_lower[from..to]) {
