@@ -332,12 +332,8 @@ impl Machine for NursingMachine {
                 // A wrong mass makes a force of the acceleration that the filter takes for one of the sway.
                 let unexplained = if mass.rls.valid { out.load_mass.std * mass.regressor.abs() } else { 0.0 };
                 let unseen = self.unseen_force(state, out.load_mass.value);
-                filter.estimate_under(
-                    sway,
-                    self.net_force(state, inputs),
-                    horizon,
-                    root_sum_square([unexplained, unseen]),
-                )
+                let unexplained = root_sum_square([unexplained, unseen]);
+                filter.estimate_under(sway, self.net_force(state, inputs), horizon, unexplained)
             }
             _ => {
                 out.sway_status = SwayStatus::Off;
