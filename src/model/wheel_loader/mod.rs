@@ -43,6 +43,7 @@
 //! [`WheelLoader::rates`] is the definition; [`Driven`] computes four points side by side, with the derivatives and the
 //! implicit step, and is held to it by its tests.
 
+mod axles;
 mod steady;
 mod steering;
 mod wide;
@@ -51,9 +52,10 @@ pub use steady::SteadySlip;
 pub use steering::{Paths, Steering};
 pub use wide::Driven;
 
+use axles::Axles;
 use nalgebra::{Matrix3, Matrix3x2, Vector3};
 use serde::{Deserialize, Serialize};
-use wide::{Axles, first, motions, unknowns};
+use wide::{first, motions, unknowns};
 
 /// Gravity, m/s2.
 pub const GRAVITY: f64 = super::STANDARD_GRAVITY;

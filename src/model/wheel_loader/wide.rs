@@ -1,20 +1,13 @@
 //! The model at four points side by side in SIMD lanes, its derivatives and its linearly implicit step: what the filter's sigma
 //! points cost. The definition is [`WheelLoader::rates`]; the derivatives are chain rule over it.
 
+use super::axles::Axles;
 use super::{Drive, GRAVITY, Motion, Unknowns, WheelLoader};
 use crate::model::four::{Four, Mask};
 use crate::model::lanes::tanh;
 use multiversion::multiversion;
 use nalgebra::{SMatrix, Vector3};
 use std::array::from_fn;
-use std::ops::{Add, Mul, Neg, Sub};
-
-/// One value per axle of each point.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Axles {
-    pub front: Four,
-    pub rear: Four,
-}
 
 /// A machine and what drives it: all that does not depend on its motion.
 #[derive(Clone, Debug)]
@@ -86,78 +79,6 @@ pub(super) struct ByUnknown {
 #[inline(always)]
 fn all(x: f64) -> Four {
     Four::splat(x)
-}
-
-impl Axles {
-    pub const ZERO: Self = Self { front: Four::ZERO, rear: Four::ZERO };
-
-    /// One value per axle, the same at all points.
-    #[inline(always)]
-    pub fn all([front, rear]: [f64; 2]) -> Self {
-        Self { front: all(front), rear: all(rear) }
-    }
-
-    /// The same value at both axles.
-    #[inline(always)]
-    fn both(value: Four) -> Self {
-        Self { front: value, rear: value }
-    }
-
-    /// What one axle gains the other one loses.
-    #[inline(always)]
-    fn opposite(value: Four) -> Self {
-        Self { front: value, rear: -value }
-    }
-
-    #[inline(always)]
-    fn sum(self) -> Four {
-        self.front + self.rear
-    }
-
-    /// `self` at the points of the mask, `other` elsewhere.
-    #[inline(always)]
-    fn where_or(self, mask: Mask, other: Self) -> Self {
-        Self { front: mask.choose(self.front, other.front), rear: mask.choose(self.rear, other.rear) }
-    }
-
-    /// Those of the first point.
-    pub fn first(self) -> [f64; 2] {
-        [self.front.first(), self.rear.first()]
-    }
-}
-
-macro_rules! axle_by_axle {
-    ($($operator:ident, $function:ident, $symbol:tt;)*) => {$(
-        impl $operator for Axles {
-            type Output = Self;
-            #[inline(always)]
-            fn $function(self, other: Self) -> Self {
-                Self { front: self.front $symbol other.front, rear: self.rear $symbol other.rear }
-            }
-        }
-    )*};
-}
-
-axle_by_axle! {
-    Add, add, +;
-    Sub, sub, -;
-    Mul, mul, *;
-}
-
-impl Mul<Four> for Axles {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Four) -> Self {
-        self * Self::both(other)
-    }
-}
-
-impl Neg for Axles {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self { front: -self.front, rear: -self.rear }
-    }
 }
 
 impl<'a> Driven<'a> {
