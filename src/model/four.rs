@@ -3,8 +3,8 @@
 //! Written with plain arrays: the compiler puts them into one register where a kernel is compiled for AVX, or into two
 //! of every x86-64 processor, chosen when the program runs. Those of `wide` are fixed to what the program is built for.
 //!
-//! The compiler finds the four from where they are stored: a kernel takes and gives them in memory, lane beside lane, and sums no lanes.
-//! Where it stored points one after the other, or summed two lanes, all of it ended in registers for two.
+//! The compiler finds the four by where results are stored: a kernel gives them lane beside lane. One that stored points one after the
+//! other ended in registers for two, all of it.
 
 use std::array::from_fn;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3};
