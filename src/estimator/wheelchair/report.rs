@@ -21,6 +21,10 @@ const LEAST_DENSITY: f64 = 1e-9;
 /// A slope below this many of its standard deviations may as well be flat.
 const SIGNIFICANT: f64 = 3.0;
 
+/// The rate at which the ground tilts and the speed among what may be late.
+const TILT_RATE: usize = 0;
+const SPEED: usize = 1;
+
 impl ChairBelief {
     /// Whether the ground is steep enough to tell where uphill is.
     pub(super) fn heading_is_observable(&self) -> bool {
@@ -29,7 +33,7 @@ impl ChairBelief {
             Self::Biased(belief) => (belief.mean[model::XI], belief.std(model::XI)),
             Self::Gravity(belief) => {
                 let x = biased_gravity::chair_state(&belief.mean);
-                // a sine, which is as good
+                // the sine of the slope tells as well as the slope
                 (gravity::tilt(&x).0, slope_std(&x, &belief.covariance))
             }
         };
@@ -82,7 +86,7 @@ impl ChairMachine {
             }
         }
         self.count_wheels(state, outputs);
-        outputs.slope_rate.widen(state.lateness.std(0, self.delay(state)));
+        outputs.slope_rate.widen(state.lateness.std(TILT_RATE, self.delay(state)));
         outputs.standstill = drive.still;
     }
 
@@ -139,7 +143,7 @@ impl ChairMachine {
         let delay = self.delay(state);
         // within the declared delay a chair's speed changes by no more than the filter's deviation
         let declared = self.parameters.filter.measurement_std.delay;
-        let slower = state.lateness.std(1, (delay * delay - declared * declared).max(0.0).sqrt());
+        let slower = state.lateness.std(SPEED, (delay * delay - declared * declared).max(0.0).sqrt());
         outputs.heading.widen(delay * outputs.yaw_rate.value);
         let of_speed = [state.frame_turn.speed_std(&self.chair), state.stopped, slower];
         let of_distance =
