@@ -238,8 +238,12 @@ impl<'a> Session<'a> {
         judgement: Judgement,
         of: impl Fn(&[f64]) -> f64 + 'static,
     ) {
-        let (value, gradient) = self.linearised(fit, &of);
-        let estimate = Estimate { name: name.to_owned(), fit: fit.0, value, of: Rc::new(of), gradient, judgement };
+        self.record(name, fit, judgement, Rc::new(of));
+    }
+
+    fn record(&mut self, name: &str, fit: Fitted, judgement: Judgement, of: Rc<Function>) {
+        let (value, gradient) = self.linearised(fit, &*of);
+        let estimate = Estimate { name: name.to_owned(), fit: fit.0, value, of, gradient, judgement };
         self.estimates.retain(|other| other.name != name);
         self.given_up.remove(name);
         if self.targets.iter().any(|target| target.name == name) {
@@ -250,7 +254,7 @@ impl<'a> Session<'a> {
     /// Records how much later a channel of a log is than others, s, as a smooth function of a solution's unknowns. Its
     /// uncertainty is in those of the solution's estimates, so that it is not considered again.
     pub fn delay(&mut self, log: &str, channel: &str, against: &str, fit: Fitted, of: impl Fn(&[f64]) -> f64) {
-        let (value, gradient) = self.linearised(fit, of);
+        let (value, gradient) = self.linearised(fit, &of);
         let gradient = DVector::from_vec(gradient);
         let solution = &self.solutions[fit.0];
         let variance = gradient.dot(&(&solution.covariance * &gradient)).max(0.0);
@@ -275,7 +279,7 @@ impl<'a> Session<'a> {
     }
 
     /// Value and gradient of a smooth function of a solution's unknowns.
-    fn linearised(&self, fit: Fitted, of: impl Fn(&[f64]) -> f64) -> (f64, Vec<f64>) {
+    fn linearised(&self, fit: Fitted, of: &dyn Fn(&[f64]) -> f64) -> (f64, Vec<f64>) {
         let solution = &self.solutions[fit.0];
         let value = of(&solution.theta);
         // Central differences: the step is small against both the value and its uncertainty.

@@ -25,13 +25,13 @@ pub mod rng;
 
 pub use crate::replay;
 pub use candidates::{Candidate, candidates};
-pub use objective::{Objective, Replay, Score};
+pub use objective::Objective;
 pub use report::{LogNis, TuneReport, Tuning};
 
 use crate::log::{Log, LogError, listed};
 use crate::progress::{Interrupted, Progress};
 use dung_beetle::{Optimum, SearchError, Settings, minimise};
-use rayon::prelude::*;
+use objective::{AnyTrack, Replay};
 use replay::Track;
 use wheelstate::{Estimator, ParameterError, Variable, Variables};
 
@@ -124,7 +124,7 @@ pub struct Subject {
 }
 
 /// Tunes the noise settings of an estimator on logs; `held_out` logs only judge the result.
-pub fn tune<E: Estimator>(
+pub fn tune<E: Estimator + 'static>(
     subject: &Subject,
     logs: &[Log],
     held_out: &[Log],
@@ -136,16 +136,34 @@ pub fn tune<E: Estimator>(
     }
     let inputs = E::Inputs::declare();
     logs.iter().chain(held_out).try_for_each(|log| needed::check(subject, &inputs, log))?;
+    let mut parameters = E::Parameters::default();
+    let own_period = request.settings.iter().any(|(name, _)| name == "sample_period");
+    if let Some(period) = typical_period(logs).filter(|_| !own_period) {
+        // to nine digits: times in a file are rounded
+        parameters.set("sample_period", (period * 1e9).round() / 1e9)?;
+    }
+    for (name, value) in &request.settings {
+        parameters.set(name, *value)?;
+    }
+    E::new(&parameters)?;
+    let tracks = |logs: &[Log]| -> Vec<Box<dyn AnyTrack>> {
+        logs.iter().map(|log| Box::new(Track::<E>::new(log)) as Box<dyn AnyTrack>).collect()
+    };
+    let unavailable = || TuneError::Unavailable { vehicle: subject.vehicle, output: request.objective.source() };
+    let (outputs, base) = (E::Outputs::declare(), parameters.to_vec());
+    let replay = Replay::new(tracks(logs), &outputs, base, request.objective, request.skip).ok_or_else(unavailable)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(request.threads).build()?;
-    let tuner = Tuner { subject, logs, held_out, request, progress };
-    pool.install(|| tuner.tune::<E>())
+    let parameters = E::Parameters::declare();
+    let tuner = Tuner { subject, parameters: &parameters, inputs: &inputs, logs, request, progress };
+    pool.install(|| tuner.tune(replay, &tracks(held_out)))
 }
 
 /// One tuning.
 struct Tuner<'a> {
     subject: &'a Subject,
+    parameters: &'a [Variable],
+    inputs: &'a [Variable],
     logs: &'a [Log],
-    held_out: &'a [Log],
     request: &'a TuneRequest,
     progress: &'a Progress,
 }
@@ -158,27 +176,11 @@ fn typical_period(logs: &[Log]) -> Option<f64> {
 }
 
 impl Tuner<'_> {
-    fn tune<E: Estimator>(&self) -> Result<TuneReport, TuneError> {
+    fn tune(&self, mut replay: Replay, held_out: &[Box<dyn AnyTrack>]) -> Result<TuneReport, TuneError> {
         let request = self.request;
-        let mut parameters = E::Parameters::default();
-        let own_period = request.settings.iter().any(|(name, _)| name == "sample_period");
-        if let Some(period) = typical_period(self.logs).filter(|_| !own_period) {
-            // to nine digits: times in a file are rounded
-            parameters.set("sample_period", (period * 1e9).round() / 1e9)?;
-        }
-        for (name, value) in &request.settings {
-            parameters.set(name, *value)?;
-        }
-        E::new(&parameters)?;
-        let unavailable =
-            || TuneError::Unavailable { vehicle: self.subject.vehicle, output: request.objective.source() };
-        let tracks = self.logs.iter().map(Track::new).collect();
-        let mut replay =
-            Replay::<E>::new(tracks, parameters.to_vec(), request.objective, request.skip).ok_or_else(unavailable)?;
-
         let floors = request.floors.unwrap_or(request.objective == Objective::Nll);
         let physical = floors.then(|| (self.subject.noise_floors)(&replay.base));
-        let all = candidates(&E::Parameters::declare(), &replay.base, physical.as_deref(), &request.floor);
+        let all = candidates(self.parameters, &replay.base, physical.as_deref(), &request.floor);
         let found = self.choose(&mut replay, all)?;
         replay.tuned = found.iter().map(|c| c.index).collect();
         let mut optimum = self.search(&replay, &found)?;
@@ -191,14 +193,12 @@ impl Tuner<'_> {
         if !optimum.value.is_finite() {
             return Err(TuneError::Diverged(request.objective.word()));
         }
-        let held_out = self.held_out.iter().map(Track::new).collect::<Vec<_>>();
-        Ok(report::report(self.subject.vehicle, self.logs, &held_out, request, &replay, &found, &optimum))
+        Ok(self.report(&replay, held_out, &found, &optimum))
     }
 
     /// Keeps the wanted settings that have an effect.
-    fn choose<E: Estimator>(&self, replay: &mut Replay<E>, all: Vec<Candidate>) -> Result<Vec<Candidate>, TuneError> {
-        let declared = E::Parameters::declare();
-        let name = |c: &Candidate| declared[c.index].name.as_str();
+    fn choose(&self, replay: &mut Replay, all: Vec<Candidate>) -> Result<Vec<Candidate>, TuneError> {
+        let name = |c: &Candidate| self.parameters[c.index].name.as_str();
         if let Some(asked) = self.request.only.iter().find(|asked| all.iter().all(|c| name(c) != asked.as_str())) {
             let known = all.iter().map(name).collect::<Vec<_>>().join(", ");
             return Err(TuneError::Unknown { asked: asked.clone(), known });
@@ -207,24 +207,24 @@ impl Tuner<'_> {
         let all: Vec<Candidate> = all.into_iter().filter(wanted).collect();
         replay.tuned = all.iter().map(|c| c.index).collect();
         let start: Vec<f64> = all.iter().map(|c| c.start.log10()).collect();
-        let probe = |i: Option<usize>| {
+        let moved = |i: usize| {
             let mut moved = start.clone();
-            if let Some(i) = i {
-                let (low, high) = all[i].range;
-                moved[i] = if all[i].start < 0.5 * high { high.log10() } else { low.log10() };
-            }
-            replay.value(&moved).to_bits()
+            let (low, high) = all[i].range;
+            moved[i] = if all[i].start < 0.5 * high { high.log10() } else { low.log10() };
+            moved
         };
-        let mut values: Vec<u64> = (0..=all.len()).into_par_iter().map(|i| probe(i.checked_sub(1))).collect();
-        let unmoved = values.remove(0);
+        let mut probes: Vec<Vec<f64>> = (0..all.len()).map(moved).collect();
+        probes.push(start.clone());
+        let values = replay.values(&probes);
+        let unmoved = values[all.len()].to_bits();
         let kept: Vec<Candidate> =
-            all.into_iter().zip(values).filter(|(_, value)| *value != unmoved).map(|(c, _)| c).collect();
-        if kept.is_empty() { Err(self.nothing(&E::Inputs::declare())) } else { Ok(kept) }
+            all.into_iter().zip(values).filter(|(_, value)| value.to_bits() != unmoved).map(|(c, _)| c).collect();
+        if kept.is_empty() { Err(self.nothing()) } else { Ok(kept) }
     }
 
-    fn nothing(&self, inputs: &[Variable]) -> TuneError {
+    fn nothing(&self) -> TuneError {
         let sources = self.logs.iter().map(|log| log.source.as_str());
-        let lacking = needed::lacking(inputs, self.logs);
+        let lacking = needed::lacking(self.inputs, self.logs);
         let lacking = match lacking.is_empty() {
             true => String::new(),
             false => format!("; there is no sample of {}", listed(lacking.iter().map(String::as_str))),
@@ -233,13 +233,14 @@ impl Tuner<'_> {
     }
 
     /// The search in centred coordinates.
-    fn search<E: Estimator>(&self, replay: &Replay<E>, found: &[Candidate]) -> Result<Optimum, TuneError> {
+    fn search(&self, replay: &Replay, found: &[Candidate]) -> Result<Optimum, TuneError> {
         let request = self.request;
         let settings = Settings { population: request.population, iterations: request.iterations, seed: request.seed };
         let total = (request.population * (request.iterations + 1)) as u64;
         self.progress.start("tuning", total);
         let evaluate = |batch: &[Vec<f64>]| -> Vec<f64> {
-            let values = batch.par_iter().map(|w| replay.value(&place(found, w))).collect();
+            let settings: Vec<Vec<f64>> = batch.iter().map(|w| place(found, w)).collect();
+            let values = replay.values(&settings);
             self.progress.advance(batch.len() as u64);
             values
         };

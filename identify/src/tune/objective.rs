@@ -1,7 +1,8 @@
 //! What a noise setting is judged by: the estimator replays the logs with it.
 
 use crate::replay::Track;
-use wheelstate::{Estimator, Variables};
+use rayon::prelude::*;
+use wheelstate::{Estimator, Variable, Variables};
 
 /// What a noise setting is judged by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -57,10 +58,58 @@ impl Score {
     }
 }
 
-/// Logs, a vehicle and the places of the noise parameters to be tried.
-pub struct Replay<E: Estimator> {
+/// A [`Track`], whatever its estimator.
+pub trait AnyTrack: Send + Sync {
+    /// Where the log came from.
+    fn source(&self) -> &str;
+
+    /// Sample times, s.
+    fn time(&self) -> &[f64];
+
+    /// Whether the log knows what an output should have been.
+    fn has_references(&self) -> bool;
+
+    /// Mean square error of a sample's outputs against the references, each over its standard deviation.
+    fn reference_error(&self, k: usize, outputs: &[f64]) -> f64;
+
+    /// Runs it with these parameters and shows the outputs after each sample; false if it refuses the parameters.
+    fn run_with(&self, parameters: &[f64], see: &mut dyn FnMut(usize, &[f64])) -> bool;
+}
+
+impl<E: Estimator> AnyTrack for Track<E> {
+    fn source(&self) -> &str {
+        &self.source
+    }
+
+    fn time(&self) -> &[f64] {
+        &self.time
+    }
+
+    fn has_references(&self) -> bool {
+        !self.references.is_empty()
+    }
+
+    fn reference_error(&self, k: usize, outputs: &[f64]) -> f64 {
+        self.reference_error(k, outputs)
+    }
+
+    fn run_with(&self, flat: &[f64], see: &mut dyn FnMut(usize, &[f64])) -> bool {
+        let mut parameters = E::Parameters::default();
+        parameters.read(flat);
+        let Ok(estimator) = E::new(&parameters) else { return false };
+        let mut flat = vec![0.0; E::Outputs::COUNT];
+        self.run(estimator, |k, outputs| {
+            outputs.write(&mut flat);
+            see(k, &flat);
+        });
+        true
+    }
+}
+
+/// Logs, an estimator and the places of the noise parameters to be tried.
+pub struct Replay {
     /// The logs.
-    pub tracks: Vec<Track<E>>,
+    pub tracks: Vec<Box<dyn AnyTrack>>,
     /// Parameters, with the start values of those to be tuned.
     pub base: Vec<f64>,
     /// Which of them are tuned.
@@ -78,54 +127,54 @@ pub struct Replay<E: Estimator> {
 enum Judged {
     /// One output, by its index, times a sign, is the value itself.
     Output(usize, f64),
-    /// The outputs are compared with references of their tracks.
+    /// The outputs are compared with references of their logs.
     References,
 }
 
-impl<E: Estimator> Replay<E> {
-    /// Nothing if the estimator does not report what the objective needs.
-    pub fn new(tracks: Vec<Track<E>>, base: Vec<f64>, objective: Objective, skip: f64) -> Option<Self> {
-        let declared = E::Outputs::declare();
-        let place = |name: &str| declared.iter().position(|variable| variable.name == name);
+impl Replay {
+    /// Nothing if the estimator, with these outputs, does not report what the objective needs.
+    pub fn new(
+        tracks: Vec<Box<dyn AnyTrack>>,
+        outputs: &[Variable],
+        base: Vec<f64>,
+        objective: Objective,
+        skip: f64,
+    ) -> Option<Self> {
+        let place = |name: &str| outputs.iter().position(|variable| variable.name == name);
         let judged = match objective {
             Objective::Nll => Judged::Output(place("log_likelihood")?, -1.0),
             Objective::Rmse => match place("output_error") {
                 Some(index) => Judged::Output(index, 1.0),
-                None if tracks.iter().any(|track| track.references.is_empty()) => return None,
+                None if tracks.iter().any(|track| !track.has_references()) => return None,
                 None => Judged::References,
             },
         };
         Some(Self { tracks, base, tuned: Vec::new(), objective, skip, judged, nis: place("nis") })
     }
 
-    /// The parameters with these values of the tuned ones, given as decimal logarithms.
-    pub fn parameters(&self, logarithms: &[f64]) -> E::Parameters {
-        let mut flat = self.base.clone();
-        self.tuned.iter().zip(logarithms).for_each(|(index, value)| flat[*index] = 10f64.powf(*value));
-        let mut parameters = E::Parameters::default();
-        parameters.read(&flat);
-        parameters
-    }
-
-    /// One log with one setting; nothing if the estimator refuses the setting.
-    pub fn score(&self, track: &Track<E>, logarithms: &[f64]) -> Option<Score> {
-        let estimator = E::new(&self.parameters(logarithms)).ok()?;
-        let mut flat = vec![0.0; E::Outputs::COUNT];
+    /// One log with one setting of the tuned parameters, given as decimal logarithms; nothing if the estimator refuses it.
+    pub fn score(&self, track: &dyn AnyTrack, logarithms: &[f64]) -> Option<Score> {
+        let mut parameters = self.base.clone();
+        self.tuned.iter().zip(logarithms).for_each(|(index, value)| parameters[*index] = 10f64.powf(*value));
         let mut score = Score::default();
-        let from = track.time.first().map_or(0.0, |t| t + self.skip);
-        track.run(estimator, |k, outputs| {
-            if track.time[k] < from {
+        let (time, from) = (track.time(), self.counts_from(track));
+        let accepted = track.run_with(&parameters, &mut |k, outputs| {
+            if time[k] < from {
                 return;
             }
-            outputs.write(&mut flat);
             score.sum += match self.judged {
-                Judged::Output(index, sign) => sign * flat[index],
-                Judged::References => track.reference_error(k, &flat),
+                Judged::Output(index, sign) => sign * outputs[index],
+                Judged::References => track.reference_error(k, outputs),
             };
-            score.nis += self.nis.map_or(f64::NAN, |index| flat[index]);
+            score.nis += self.nis.map_or(f64::NAN, |index| outputs[index]);
             score.samples += 1;
         });
-        Some(score)
+        accepted.then_some(score)
+    }
+
+    /// Time from which a log's samples count, s.
+    fn counts_from(&self, track: &dyn AnyTrack) -> f64 {
+        track.time().first().map_or(0.0, |t| t + self.skip)
     }
 
     /// The objective over all logs: mean negative log-likelihood per sample, or root mean square error.
@@ -133,12 +182,17 @@ impl<E: Estimator> Replay<E> {
     pub fn value(&self, logarithms: &[f64]) -> f64 {
         let mut all = Score::default();
         for track in &self.tracks {
-            let Some(score) = self.score(track, logarithms) else { return f64::INFINITY };
+            let Some(score) = self.score(&**track, logarithms) else { return f64::INFINITY };
             all.sum += score.sum;
             all.samples += score.samples;
         }
         let value = all.value(self.objective);
         if value.is_finite() { value } else { f64::INFINITY }
+    }
+
+    /// The objective at several settings at once, on all processors.
+    pub fn values(&self, settings: &[Vec<f64>]) -> Vec<f64> {
+        settings.par_iter().map(|logarithms| self.value(logarithms)).collect()
     }
 
     /// Whether the objective compares with references and not with measurements.
@@ -148,10 +202,7 @@ impl<E: Estimator> Replay<E> {
 
     /// Number of samples that count.
     pub fn samples(&self) -> usize {
-        let counted = |track: &Track<E>| {
-            let from = track.time.first().map_or(0.0, |t| t + self.skip);
-            track.time.iter().filter(|t| **t >= from).count()
-        };
-        self.tracks.iter().map(counted).sum()
+        let counted = |track: &dyn AnyTrack| track.time().iter().filter(|t| **t >= self.counts_from(track)).count();
+        self.tracks.iter().map(|track| counted(&**track)).sum()
     }
 }

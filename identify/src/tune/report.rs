@@ -1,14 +1,11 @@
 //! What a tuning says: `tune.json`, in the shape of `fit.json` with a section on the search.
 
 use super::dung_beetle::Optimum;
-use super::{Candidate, Objective, Replay, TuneRequest};
-use crate::log::Log;
-use crate::replay::Track;
+use super::objective::{AnyTrack, Replay};
+use super::{Candidate, Objective, Tuner};
 use crate::result::{FORMAT_VERSION, FitReport, LogEntry, Parameter, Verdict};
 use nalgebra::DMatrix;
-use rayon::prelude::*;
 use serde::Serialize;
-use wheelstate::{Estimator, Variables};
 
 /// Half the difference step of the curvature, in decades.
 const STEP: f64 = 0.03;
@@ -72,104 +69,107 @@ impl TuneReport {
     }
 }
 
-pub(super) fn report<E: Estimator>(
-    vehicle: &str,
-    logs: &[Log],
-    held_out: &[Track<E>],
-    request: &TuneRequest,
-    replay: &Replay<E>,
-    found: &[Candidate],
-    optimum: &Optimum,
-) -> TuneReport {
-    let declared = E::Parameters::declare();
-    let start: Vec<f64> = found.iter().map(|c| c.start.log10()).collect();
-    let at = &optimum.position;
-    let bound: Vec<Option<bool>> = found.iter().zip(at).map(|(c, x)| at_bound(c, *x)).collect();
-    let std = match request.objective {
-        Objective::Nll => standard_errors(replay, at, &bound),
-        Objective::Rmse => vec![f64::NAN; found.len()],
-    };
-    let mut fit = FitReport {
-        format_version: FORMAT_VERSION,
-        vehicle: vehicle.to_owned(),
-        condition_number: f64::NAN,
-        loss: request.objective.word().to_owned(),
-        windows_used: replay.samples(),
-        logs: logs.iter().map(LogEntry::from).collect(),
-        solver_status: format!("{} evaluations", optimum.evaluations),
-        settings: request.settings.iter().cloned().collect(),
-        ..FitReport::default()
-    };
-    for (i, candidate) in found.iter().enumerate() {
-        let variable = &declared[candidate.index];
-        let (value, known) = (10f64.powf(at[i]), std[i].is_finite() && std[i] < DECADES);
-        let at_bound = bound[i].is_some();
-        let identified = request.objective == Objective::Nll && (known || at_bound);
-        let verdict = match (at_bound, identified) {
-            (true, _) => Verdict::AtBound,
-            (false, true) => Verdict::Identified,
-            (false, false) => Verdict::Weak,
+impl Tuner<'_> {
+    /// What the user is told.
+    pub(super) fn report(
+        &self,
+        replay: &Replay,
+        held_out: &[Box<dyn AnyTrack>],
+        found: &[Candidate],
+        optimum: &Optimum,
+    ) -> TuneReport {
+        let Self { logs, request, .. } = self;
+        let start: Vec<f64> = found.iter().map(|c| c.start.log10()).collect();
+        let at = &optimum.position;
+        let bound: Vec<Option<bool>> = found.iter().zip(at).map(|(c, x)| at_bound(c, *x)).collect();
+        let std = match request.objective {
+            Objective::Nll => standard_errors(replay, at, &bound),
+            Objective::Rmse => vec![f64::NAN; found.len()],
         };
-        let parameter = Parameter {
-            value,
-            unit: variable.unit.to_owned(),
-            std_error: value * std[i] * std::f64::consts::LN_10,
-            ci95: [value * 10f64.powf(-1.96 * std[i]), value * 10f64.powf(1.96 * std[i])],
-            identified,
-            at_bound,
-            verdict,
-            start: Some(candidate.start),
-            ..Parameter::default()
+        let mut fit = FitReport {
+            format_version: FORMAT_VERSION,
+            vehicle: self.subject.vehicle.to_owned(),
+            condition_number: f64::NAN,
+            loss: request.objective.word().to_owned(),
+            windows_used: replay.samples(),
+            logs: logs.iter().map(LogEntry::from).collect(),
+            solver_status: format!("{} evaluations", optimum.evaluations),
+            settings: request.settings.iter().cloned().collect(),
+            ..FitReport::default()
         };
-        if let Some(low) = bound[i] {
-            let (side, limit) = if low { ("floor", candidate.range.0) } else { ("upper limit", candidate.range.1) };
-            fit.warnings.push(format!("{} sits at its {side} {limit:.3e} {}", variable.name, variable.unit));
+        for (i, candidate) in found.iter().enumerate() {
+            let variable = &self.parameters[candidate.index];
+            let (value, known) = (10f64.powf(at[i]), std[i].is_finite() && std[i] < DECADES);
+            let at_bound = bound[i].is_some();
+            let identified = request.objective == Objective::Nll && (known || at_bound);
+            let verdict = match (at_bound, identified) {
+                (true, _) => Verdict::AtBound,
+                (false, true) => Verdict::Identified,
+                (false, false) => Verdict::Weak,
+            };
+            let parameter = Parameter {
+                value,
+                unit: variable.unit.to_owned(),
+                std_error: value * std[i] * std::f64::consts::LN_10,
+                ci95: [value * 10f64.powf(-1.96 * std[i]), value * 10f64.powf(1.96 * std[i])],
+                identified,
+                at_bound,
+                verdict,
+                start: Some(candidate.start),
+                ..Parameter::default()
+            };
+            if let Some(low) = bound[i] {
+                let (side, limit) = if low { ("floor", candidate.range.0) } else { ("upper limit", candidate.range.1) };
+                fit.warnings.push(format!("{} sits at its {side} {limit:.3e} {}", variable.name, variable.unit));
+            }
+            fit.parameters.insert(variable.name.clone(), parameter);
         }
-        fit.parameters.insert(variable.name.clone(), parameter);
-    }
 
-    let mut nis = Vec::new();
-    let seen = replay.tracks.iter().map(|track| (track, false));
-    for (track, held_out) in seen.chain(held_out.iter().map(|track| (track, true))) {
-        let judge = |x: &[f64]| {
-            let score = replay.score(track, x);
-            score.map_or((f64::NAN, f64::NAN), |score| (score.mean_nis(), score.value(request.objective)))
-        };
-        let ((before, objective_before), (after, objective_after)) = (judge(&start), judge(at));
-        let log = track.source.clone();
-        let (unseen, word) = (if held_out { " (held out)" } else { "" }, request.objective.word());
-        fit.notes.push(format!(
+        let mut nis = Vec::new();
+        let seen = replay.tracks.iter().map(|track| (track, false));
+        for (track, held_out) in seen.chain(held_out.iter().map(|track| (track, true))) {
+            let judge = |x: &[f64]| {
+                let score = replay.score(&**track, x);
+                score.map_or((f64::NAN, f64::NAN), |score| (score.mean_nis(), score.value(request.objective)))
+            };
+            let ((before, objective_before), (after, objective_after)) = (judge(&start), judge(at));
+            let log = track.source().to_owned();
+            let (unseen, word) = (if held_out { " (held out)" } else { "" }, request.objective.word());
+            fit.notes.push(format!(
             "{log}{unseen}: {word} {objective_before:.4} before, {objective_after:.4} now; NIS per channel {before:.2} \
              before, {after:.2} now; 1 is consistent"
         ));
-        let entry = LogNis { log, held_out, before, after, objective_before, objective_after };
-        nis.push(entry);
+            let entry = LogNis { log, held_out, before, after, objective_before, objective_after };
+            nis.push(entry);
+        }
+        if *at == start {
+            fit.notes.push("the search found nothing better than the start values".into());
+        }
+        if logs.len() == 1 {
+            fit.notes.push(
+                "tuned on one log: a second manoeuvre, and one held out, would show whether it generalises".into(),
+            );
+        }
+        if request.objective == Objective::Rmse {
+            fit.warnings.push(degeneracy(replay, found, at, optimum.value, &nis));
+        }
+        fit.notes.push(
+            "a consistent NIS does not prove consistent state errors; the optimiser favours the middle of its box"
+                .into(),
+        );
+        let tuning = Tuning {
+            objective: request.objective.word(),
+            seed: request.seed,
+            population: request.population,
+            iterations: request.iterations,
+            evaluations: optimum.evaluations,
+            start: replay.value(&start),
+            best: optimum.value,
+            history: optimum.history.clone(),
+            nis,
+        };
+        TuneReport { fit, tuning }
     }
-    if *at == start {
-        fit.notes.push("the search found nothing better than the start values".into());
-    }
-    if logs.len() == 1 {
-        fit.notes
-            .push("tuned on one log: a second manoeuvre, and one held out, would show whether it generalises".into());
-    }
-    if request.objective == Objective::Rmse {
-        fit.warnings.push(degeneracy(replay, found, at, optimum.value, &nis));
-    }
-    fit.notes.push(
-        "a consistent NIS does not prove consistent state errors; the optimiser favours the middle of its box".into(),
-    );
-    let tuning = Tuning {
-        objective: request.objective.word(),
-        seed: request.seed,
-        population: request.population,
-        iterations: request.iterations,
-        evaluations: optimum.evaluations,
-        start: replay.value(&start),
-        best: optimum.value,
-        history: optimum.history.clone(),
-        nis,
-    };
-    TuneReport { fit, tuning }
 }
 
 /// At the lower (true) or upper (false) end of the search interval, to a hundredth of it.
@@ -187,7 +187,7 @@ fn at_bound(candidate: &Candidate, logarithm: f64) -> Option<bool> {
 
 /// Standard errors in decades from the curvature of the negative log-likelihood; NaN for settings at
 /// a bound.
-fn standard_errors<E: Estimator>(replay: &Replay<E>, at: &[f64], bound: &[Option<bool>]) -> Vec<f64> {
+fn standard_errors(replay: &Replay, at: &[f64], bound: &[Option<bool>]) -> Vec<f64> {
     let free: Vec<usize> = (0..at.len()).filter(|i| bound[*i].is_none()).collect();
     let n = free.len();
     if n == 0 {
@@ -206,7 +206,7 @@ fn standard_errors<E: Estimator>(replay: &Replay<E>, at: &[f64], bound: &[Option
     }
     let pairs: Vec<(usize, usize)> = (0..n).flat_map(|i| (0..i).map(move |j| (i, j))).collect();
     points.extend(pairs.iter().map(|(i, j)| moved(&[(*i, STEP), (*j, STEP)])));
-    let f: Vec<f64> = points.par_iter().map(|x| samples * replay.value(x)).collect();
+    let f: Vec<f64> = replay.values(&points).iter().map(|value| samples * value).collect();
     let mut hessian = DMatrix::zeros(n, n);
     for i in 0..n {
         hessian[(i, i)] = (f[1 + 2 * i] - 2.0 * f[0] + f[2 + 2 * i]) / (STEP * STEP);
@@ -226,7 +226,7 @@ fn standard_errors<E: Estimator>(replay: &Replay<E>, at: &[f64], bound: &[Option
 }
 
 /// Shows that the source's objective does not see the scale of the noises.
-fn degeneracy<E: Estimator>(replay: &Replay<E>, found: &[Candidate], at: &[f64], best: f64, nis: &[LogNis]) -> String {
+fn degeneracy(replay: &Replay, found: &[Candidate], at: &[f64], best: f64, nis: &[LogNis]) -> String {
     let scaled = |decades: f64| {
         let moved = |(x, c): (&f64, &Candidate)| x + if c.power { 2.0 * decades } else { decades };
         let x: Vec<f64> = at.iter().zip(found).map(moved).collect();
