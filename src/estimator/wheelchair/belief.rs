@@ -128,6 +128,15 @@ impl ChairBelief {
         }
     }
 
+    /// The force's offset, N; none where that is no state.
+    pub(super) fn force_offset(&self) -> Option<f64> {
+        match self {
+            Self::Basic(_) => None,
+            Self::Biased(belief) => Some(belief.mean[model::FORCE_OFFSET]),
+            Self::Gravity(belief) => Some(belief.mean[biased_gravity::FORCE_OFFSET]),
+        }
+    }
+
     /// Tilt of the ground, 1 where the chair stands on end.
     pub(super) fn tilt(&self) -> f64 {
         match self {

@@ -259,7 +259,7 @@ impl ChairMachine {
     }
 
     /// Whether the force's errors are states.
-    fn takes_force(&self) -> bool {
+    pub(super) fn takes_force(&self) -> bool {
         matches!(self.parameters.filter.kind, Kind::Bias | Kind::GravityVector)
     }
 

@@ -136,6 +136,8 @@ pub struct Drive {
     pub accel_x: Option<f64>,
     /// Variance of the vibration in it, (m/s^2)^2.
     pub vibration: f64,
+    /// Density of the random walk of a force that nobody reports beyond its usual drift, N^2/s.
+    pub push: f64,
     /// The chair stands still.
     pub still: bool,
 }

@@ -66,7 +66,7 @@ fn add_drift<const N: usize, const D: usize>(
 
 /// Drift of an unmodelled force. While the force moves nothing, its errors are neither observable nor harmful.
 fn force_drift(noise: &Noise, drive: &Drive) -> f64 {
-    if drive.still { 0.0 } else { noise.force_offset }
+    if drive.still { 0.0 } else { noise.force_offset + drive.push }
 }
 
 /// The pairs of a chair with heading and slope.

@@ -14,6 +14,7 @@
 //!
 //! Impacts on a kerb or a ramp's edge, which none of these models has, are down-weighted (`filter.outlier_threshold`).
 //! Vibration, as on cobbles, is added to the accelerometer's noise as long as it lasts (`vibration.rs`).
+//! A force that nobody reports and that swings or sets in is followed as fast as it moves (`push.rs`).
 //!
 //! ## The contour line
 //! The kinds other than `gravity_vector` know the tilt of the ground across one line, that of `initial.heading`: this makes
@@ -156,6 +157,7 @@ mod held;
 mod one_step;
 mod outliers;
 mod parameters;
+mod push;
 mod report;
 mod rest;
 mod steps;
@@ -172,6 +174,7 @@ pub use parameters::{
     EncoderParameters, FilterParameters, InitialParameters, Kind, LimitParameters, MeasurementParameters, Model,
     Parameters, ProcessParameters, StandstillParameters, Zero,
 };
+pub use push::Push;
 pub use variables::{Inputs, Outputs};
 pub use vibration::Vibration;
 pub use watch::Watch;
@@ -514,7 +517,10 @@ impl Machine for ChairMachine {
         if !state.belief.is_valid() {
             return Err(StateError("it holds a negative variance"));
         }
-        let followed = state.lateness.is_valid() && state.encoder_delay.is_valid() && state.unchanged.is_valid();
+        let followed = state.lateness.is_valid()
+            && state.encoder_delay.is_valid()
+            && state.unchanged.is_valid()
+            && state.watch.push.is_valid();
         if followed { Ok(()) } else { Err(StateError("its motion is not that of any chair")) }
     }
 }

@@ -42,6 +42,7 @@ impl ChairMachine {
             command: self.acting(&state, state.command),
             accel_x: state.accel_x,
             vibration: state.watch.vibration.forward,
+            push: state.watch.push.density(),
             still,
         };
         self.predict(&mut state, &sample, elapsed, still);
@@ -51,7 +52,7 @@ impl ChairMachine {
             into.transition = Some(Transition { predicted: of(&state.belief), cross });
         }
         let command = self.acting(&state, [inputs.drive_force, inputs.drive_moment]);
-        let drive = Drive { command, accel_x: None, vibration: 0.0, still };
+        let drive = Drive { command, accel_x: None, vibration: 0.0, push: 0.0, still };
         let State { belief, watch, .. } = &mut state;
         of_kind!(self, &*belief, |filter, belief| filter.expect(belief, (watch, dt), &sample, &drive, into));
     }

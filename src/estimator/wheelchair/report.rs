@@ -52,6 +52,7 @@ impl ChairMachine {
             command: self.acting(state, [inputs.drive_force, inputs.drive_moment]),
             accel_x: Some(inputs.accel_x).filter(|a| a.is_finite()),
             vibration: 0.0,
+            push: 0.0,
             still: state.standstill.is_still() && self.parameters.filter.detect_standstill,
         };
         // outputs are reused: what only one form estimates must not stay from a state before

@@ -2,6 +2,7 @@
 
 use super::belief::of_kind;
 use super::ekf::{Drive, Sample};
+use super::outliers::ACCEL_X;
 use super::rest::Signs;
 use super::wheels::{self, LONGEST_REPEAT};
 use super::{ChairBelief, ChairMachine, Inputs, State};
@@ -68,6 +69,7 @@ impl ChairMachine {
                     command: self.acting(state, state.command),
                     accel_x: state.accel_x,
                     vibration: state.watch.vibration.forward,
+                    push: state.watch.push.density(),
                     still,
                 };
                 let brake = &mut state.watch.brake;
@@ -84,7 +86,9 @@ impl ChairMachine {
         dt: f64,
         still: bool,
     ) -> Result<Outcome, NotPositiveDefinite> {
-        let drive = Drive { command: self.acting(state, state.command), accel_x: None, vibration: 0.0, still };
+        let drive =
+            Drive { command: self.acting(state, state.command), accel_x: None, vibration: 0.0, push: 0.0, still };
+        let offset = state.belief.force_offset().filter(|_| self.takes_force());
         let State { belief, rejections, watch, .. } = state;
         let done = of_kind!(self, belief, |filter, belief| filter.correct_watched(
             belief,
@@ -93,6 +97,14 @@ impl ChairMachine {
             sample,
             &drive
         ))?;
+        match offset {
+            Some(offset) if !still && sample.values[ACCEL_X].is_finite() => {
+                let mass = self.chair.inertial_mass();
+                let variance = self.basic.noise.accel * self.basic.noise.accel + watch.vibration.forward;
+                watch.push.follow(mass * done.sensors.residual[ACCEL_X] + offset, mass * mass * variance, dt);
+            }
+            _ => watch.push.interrupt(),
+        }
         let mut status = Status::OK;
         status.raise_if(done.sensors.any_rejected(), Status::GATED);
         Ok(Outcome {

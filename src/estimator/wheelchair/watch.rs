@@ -9,6 +9,7 @@
 use super::brake::Brake;
 use super::held::Held;
 use super::outliers::ACCEL_X;
+use super::push::Push;
 use super::vibration::Vibration;
 use crate::filter::ekf::Rows;
 use crate::filter::gaussian::Gaussian;
@@ -87,6 +88,8 @@ impl Mean {
 pub struct Watch {
     /// Vibration of the accelerometer, as on cobbles.
     pub vibration: Vibration,
+    /// A force that moves and is not reported.
+    pub push: Push,
     /// Moment with which the chair is held without a report.
     pub held: Held,
     /// A brake that may have held the chair at the start.
@@ -181,7 +184,7 @@ impl Watch {
 
     /// Clears all doubt.
     pub fn reset(&mut self) {
-        *self = Self { vibration: self.vibration, time: self.time, ..Self::default() };
+        *self = Self { vibration: self.vibration, push: self.push, time: self.time, ..Self::default() };
     }
 
     /// Compares a sample that came `dt` seconds after the last one with a contour line at the heading `alpha` to it. What the first
