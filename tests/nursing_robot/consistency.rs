@@ -61,6 +61,7 @@ fn errors_of_mass_and_sway_are_as_large_as_their_standard_deviations() {
     let mut p = with_tilt();
     // The plant's sensors are mounted as they should be.
     (p.sway.tilt_bias_std, p.sway.tilt_rate_bias_std, p.sway.tilt_delay_std) = (0.0, 0.0, 0.0);
+    (p.sway.speed_scale_std, p.sway.speed_delay_std) = (0.0, 0.0);
     let runs: Vec<_> = (0..12).flat_map(|seed| driven(&p, seed)).collect();
     let of = |pick: &dyn Fn(&Outputs, &NursingRobotPlant) -> (Estimate, f64)| {
         score(&runs.iter().map(|(outputs, plant)| pick(outputs, plant)).collect::<Vec<_>>())

@@ -101,6 +101,7 @@ pub use parameters::*;
 pub use status::{MassStatus, SwayStatus};
 pub use variables::{Inputs, Outputs};
 
+use crate::estimator::lateness::Lateness;
 use crate::estimator::one_step::{Belief, OneStepPrediction};
 use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::innovation::Innovation;
@@ -140,6 +141,8 @@ pub type NursingRobot = Sampled<NursingMachine>;
 pub struct State {
     /// The last measured speed and how far it may have changed since.
     speed: Estimate,
+    /// Of the speed, where no sway filter follows it.
+    speed_lateness: Lateness<1>,
     /// The mass filter.
     pub mass: MassState,
     /// The load that was known last: after a stop it is another one until this has been weighed, kg.
@@ -248,6 +251,7 @@ impl Machine for NursingMachine {
         let sway = SwayEstimator::new(parameters);
         let state = State {
             speed: Estimate::new(0.0, parameters.initial.speed_std),
+            speed_lateness: Lateness::default(),
             mass: mass.start(),
             weighed: parameters.human.nominal_mass,
             sway: sway.as_ref().map(SwayEstimator::start),
@@ -278,6 +282,11 @@ impl Machine for NursingMachine {
 
     fn sample(&mut self, state: &mut State, inputs: &Inputs, _: Status, elapsed: Elapsed) -> Outcome {
         self.watch_speed(state, inputs.speed, elapsed.seconds());
+        match elapsed {
+            _ if self.sway.is_some() => {}
+            Elapsed::First | Elapsed::Gap(_) => state.speed_lateness = Lateness::at([state.speed.value]),
+            Elapsed::Step(dt) => state.speed_lateness.follow([state.speed.value], dt),
+        }
         let force = self.net_force(state, inputs);
         let unknown = self.mass.is_from_before_a_stop(&state.mass);
         let measured = MassSample { force, speed: inputs.speed, specific_force: inputs.accel_x };
@@ -338,10 +347,13 @@ impl Machine for NursingMachine {
             _ => {
                 out.sway_status = SwayStatus::Off;
                 let [_, body @ ..] = self.unobserved.state;
-                SwayEstimate { state: [state.speed, body[0], body[1], body[2]], ..self.unobserved }
+                let mut speed = state.speed;
+                speed.widen(state.speed_lateness.std(0, self.parameters.sway.speed_delay_std));
+                SwayEstimate { state: [speed, body[0], body[1], body[2]], ..self.unobserved }
             }
         };
         [out.speed_estimate, out.body_pitch, out.body_pitch_rate, out.active_torque] = sway.state;
+        out.speed_estimate.widen(self.parameters.sway.speed_scale_std * out.speed_estimate.value);
         out.sway_pitch = sway.motion;
         (out.sway_force, out.hip_torque) = (sway.force, sway.torque);
         self.report_centre_of_gravity(out);
@@ -396,6 +408,10 @@ impl Machine for NursingMachine {
         if !sway {
             return Err(StateError("its sway filter is of another model or invalid"));
         }
-        if state.mass.rls.is_valid() { Ok(()) } else { Err(StateError("its mass filter is invalid")) }
+        if state.mass.rls.is_valid() && state.speed_lateness.is_valid() {
+            Ok(())
+        } else {
+            Err(StateError("its mass filter is invalid"))
+        }
     }
 }

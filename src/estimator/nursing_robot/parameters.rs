@@ -167,6 +167,10 @@ variables! {
         tilt_rate_bias_std: f64 = 0.005, "rad/s", [0.0, 10.0], tunable;
         /// Standard deviation of the time by which the samples of tilt and tilt rate come late, which counts in those of pitch and pitch rate. A longer one that they show beside each other takes its place, unless it is 0.
         tilt_delay_std: f64 = 0.015, "s", [0.0, 1.0], tunable;
+        /// Relative standard deviation of the speed's scale, such as the wheels' radius, which counts in that of the estimated speed.
+        speed_scale_std: f64 = 0.01, "1", [0.0, 1.0], tunable;
+        /// Standard deviation of the time by which the samples of the speed come late, which counts in that of the estimated speed.
+        speed_delay_std: f64 = 0.015, "s", [0.0, 1.0], tunable;
         /// Process noise.
         process_psd: ProcessParameters;
         /// Measurement noise.

@@ -1,6 +1,7 @@
 //! One step of the sway filter: held wheels, time update, measurement update, adaptation.
 
 use super::motion::Step;
+use super::speed_offset::SpeedOffset;
 use super::{Form, REJECTIONS, SwayBelief, SwayEstimator, SwayState};
 use crate::estimator::nursing_robot::status::SwayStatus;
 use crate::filter::adaptation::UnmodelledAcceleration;
@@ -123,8 +124,8 @@ impl SwayEstimator {
         if !belief.is_valid() {
             return None;
         }
+        state.lateness.follow([if N > 2 { belief.mean[2] } else { 0.0 }, belief.mean[0]], step.dt);
         if N > 2 && self.use_channel[2] {
-            state.lateness.follow([belief.mean[2]], step.dt);
             state.rate_delay.follow(z[1], z[2], step.dt);
         }
         if (belief.mean[1] - self.human.rest_pitch).abs() > self.pitch_limit {
@@ -152,9 +153,11 @@ impl SwayEstimator {
         let innovation = ukf::correct(belief, &channels, self.gate, &mut state.rejected);
         if step.held {
             state.unmodelled = UnmodelledAcceleration::default();
+            state.speed_offset = SpeedOffset::default();
         } else if !channels[0].sample.is_nan() && step.dt > 0.0 {
             let (predicted, measured) = (prior.covariance[(0, 0)], channels[0].variance);
             state.unmodelled.learn(innovation.residual[0], predicted, measured, step.dt, NOTICE_TIME);
+            state.speed_offset.follow(innovation.residual[0], self.nominal_noise[0], step.dt);
         }
         let wanted = self.use_channel.iter().filter(|used| **used).count();
         let complete = innovation.dof == wanted;

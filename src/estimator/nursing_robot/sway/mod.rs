@@ -15,10 +15,12 @@ mod filter;
 mod motion;
 mod one_step;
 mod readout;
+mod speed_offset;
 mod state;
 
 pub use filter::{Correction, SwaySample};
 pub use readout::SwayEstimate;
+pub use speed_offset::SpeedOffset;
 pub use state::{SwayBelief, SwayState};
 
 use super::Parameters;
@@ -104,8 +106,9 @@ pub struct SwayEstimator {
     rest_std: f64,
     /// Standard deviations of constant errors of tilt, rad, and tilt rate, rad/s.
     bias_std: [f64; 2],
-    /// Standard deviation of the time by which the two come late, s.
+    /// Standard deviation of the time by which the two come late, s, and of that by which the speed does.
     delay_std: f64,
+    speed_delay_std: f64,
     /// Errors of the hip's stiffness and damping, relative.
     passive_std: [f64; 2],
 }
@@ -156,6 +159,7 @@ impl SwayEstimator {
             rest_std: p.human.rest_pitch_std,
             bias_std: [p.sway.tilt_bias_std, p.sway.tilt_rate_bias_std],
             delay_std: p.sway.tilt_delay_std,
+            speed_delay_std: p.sway.speed_delay_std,
             passive_std: [p.human.stiffness_pitch_std, p.human.damping_pitch_std],
         }
     }

@@ -20,6 +20,9 @@ pub struct SwayEstimate {
     pub torque: Estimate,
 }
 
+/// Places of pitch rate and speed among what may be late.
+const PITCH_RATE: usize = 0;
+const SPEED: usize = 1;
 /// Longest step of the model when it is carried forward, s.
 const LONGEST_STEP: f64 = 0.01;
 /// A force that the model does not have is taken for a lean if it lasts so long, s.
@@ -46,12 +49,20 @@ impl SwayEstimator {
             SwayBelief::Four(belief) => self.read(state, belief, force, horizon),
         };
         estimate.force.widen(unexplained);
+        for (channel, estimate) in estimate.state.iter_mut().enumerate().take(3) {
+            estimate.widen(self.noise_taken_for_motion(state, channel, estimate.std));
+        }
         let planar = self.step_of(state, 0.0, 0.0).planar;
         let moved = match self.use_channel[1] {
             true => self.widen_measured(state, &mut estimate),
             false => self.widen_motion(state, &planar, unexplained, &mut estimate),
         };
         self.widen_torques(state, &planar, moved, &mut estimate);
+        self.widen_speed(state, &mut estimate.state[0]);
+        if self.use_channel[2] {
+            let delay = state.rate_delay.delay_std(self.delay_std);
+            estimate.state[2].widen(root_sum_square([self.bias_std[1], state.lateness.std(PITCH_RATE, delay)]));
+        }
         estimate
     }
 
@@ -63,11 +74,28 @@ impl SwayEstimator {
         let tilt = root_sum_square([tilt, delay * estimate.state[2].value, self.drift(state, rate)]);
         estimate.motion.widen(tilt);
         estimate.state[1].widen(tilt);
-        if self.use_channel[2] {
-            let late = state.lateness.std(0, delay);
-            estimate.state[2].widen(root_sum_square([rate, late]));
-        }
         tilt
+    }
+
+    /// What a sensor's noise moves an estimate of this deviation where the adapted noise is less than that.
+    ///
+    /// A model that is wrong is let follow the sensor, whose noise then seems to vanish: with the gain `K = P/R` the estimate has
+    /// `K^2` of the noise's true variance.
+    fn noise_taken_for_motion(&self, state: &SwayState, channel: usize, std: f64) -> f64 {
+        let (adapted, nominal) = (state.noise.variance[channel], self.nominal_noise[channel]);
+        let gain = (std * std / adapted).min(1.0);
+        if self.use_channel[channel] { gain * (nominal - adapted).max(0.0).sqrt() } else { 0.0 }
+    }
+
+    /// Adds to the deviation of the speed what a force that lasts and samples that come late make of it, and that wheels which count as
+    /// held may creep.
+    fn widen_speed(&self, state: &SwayState, speed: &mut Estimate) {
+        let creeps = if state.standstill.is_still() { state.smoothed_speed } else { 0.0 };
+        speed.widen(root_sum_square([
+            state.speed_offset.std(),
+            state.lateness.std(SPEED, self.speed_delay_std),
+            creeps,
+        ]));
     }
 
     /// How far a pitch rate that is off by `rate` leads the pitch away before the tilt holds it, rad: the filter, which balances the noise

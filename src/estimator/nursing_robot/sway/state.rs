@@ -1,5 +1,6 @@
 //! What the sway filter knows.
 
+use super::speed_offset::SpeedOffset;
 use super::{Form, SwayEstimator};
 use crate::estimator::lateness::Lateness;
 use crate::estimator::nursing_robot::status::SwayStatus;
@@ -43,8 +44,9 @@ pub struct SwayState {
     pub scale: ProcessScale<3>,
     /// What the innovations of the speed say of a force that the filter does not follow yet.
     pub unmodelled: UnmodelledAcceleration,
-    /// Of the pitch rate.
-    pub(super) lateness: Lateness<1>,
+    /// Of pitch rate and speed.
+    pub(super) lateness: Lateness<2>,
+    pub(super) speed_offset: SpeedOffset,
     /// Of tilt and pitch rate beside one another.
     pub(super) rate_delay: DelayOfRate,
     /// What the last step did.
@@ -85,6 +87,7 @@ impl SwayState {
             && self.scale.is_valid()
             && self.unmodelled.is_valid()
             && self.lateness.is_valid()
+            && self.speed_offset.is_valid()
             && self.rate_delay.is_valid()
     }
 }
@@ -106,7 +109,8 @@ impl SwayEstimator {
             noise: MeasurementNoise::new(&self.nominal_noise),
             scale: ProcessScale::default(),
             unmodelled: UnmodelledAcceleration::default(),
-            lateness: Lateness::default(),
+            lateness: Lateness::at([0.0, speed]),
+            speed_offset: SpeedOffset::default(),
             rate_delay: DelayOfRate::default(),
             status: SwayStatus::Updated,
             mass: self.human.nominal_mass,
