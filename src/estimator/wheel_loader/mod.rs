@@ -251,6 +251,7 @@ pub struct LoaderMachine {
     supervise: bool,
     interpolate_inputs: bool,
     healthy_std: f64,
+    speed_scale_std: f64,
 }
 
 impl Machine for LoaderMachine {
@@ -292,6 +293,7 @@ impl Machine for LoaderMachine {
             supervise: parameters.filter.supervise,
             interpolate_inputs: parameters.filter.interpolate_inputs,
             healthy_std: parameters.healthy_std,
+            speed_scale_std: parameters.filter.measurement_std.speed_scale,
         };
         Ok((machine, state))
     }

@@ -78,7 +78,7 @@ variables! {
         steering_angle: f64 = 0.01, "rad", [0.0, 1.0];
         /// Standard deviation of the time by which the speed comes later than the wheel speeds, if it does not come within a sample period of them, which is taken to be as likely. Times the acceleration it looks like slip. 0: it does not.
         speed_delay: f64 = 0.05, "s", [0.0, 1.0];
-        /// Relative standard deviation of the speed's scale, which looks like an error of both radii beyond initial.wheel_radius_std and counts in slip_stiffness_std. In one of a hundred machines it is four times as much: where that explains the slip far better, all deviations contain what it changes. 0: it is right, or the radii were calibrated against this speed; so it is with filter.radii = fixed.
+        /// Relative standard deviation of the speed's scale, which looks like an error of both radii beyond initial.wheel_radius_std and counts in slip_stiffness_std and speed_estimate_std. In one of a hundred machines it is four times as much: where that explains the slip far better, all deviations contain what it changes. 0: it is right, or the radii were calibrated against this speed; so it is with filter.radii = fixed.
         speed_scale: f64 = 0.005, "1", [0.0, 0.5];
     }
 }
@@ -176,7 +176,7 @@ variables! {
         beta: f64 = 2.0, "1", [0.8, 100.0];
         /// Second spread of the sigma points.
         kappa: f64 = 0.0, "1", [-5.0, 100.0];
-        /// Implicit steps of the model per sample; more are taken where one would be longer than 10 ms.
+        /// Implicit steps of the model per sample; more are taken where one would be longer than 10 ms, and below 0.8 m/s, where slip is large.
         substeps: i32 = 2, "1", [1, 100];
         /// Whether a sample's drive is the mean of the last two inputs (true) or the last one.
         interpolate_inputs: bool = true, "1";

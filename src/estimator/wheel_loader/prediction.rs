@@ -12,6 +12,10 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Longest implicit step of the model, s.
 const LONGEST_STEP: f64 = 0.01;
+/// Below this speed, m/s, the model takes more steps, so many times as many. An implicit step is one of Newton's method, which overshoots
+/// where a tyre's force is saturated: with the same noise of the wheels, the slip of the sigma points grows as the speed falls.
+const SLOW: f64 = 0.8;
+const SLOW_STEPS: u32 = 2;
 /// Power spectral densities of the motion's random walk while the estimates are held: m2/s3, rad2/s3.
 const HELD_PSD: [f64; 3] = [0.25, 4.0, 4.0];
 
@@ -21,6 +25,8 @@ pub struct Prediction {
     kind: Kind,
     transform: UnscentedTransform,
     substeps: u32,
+    /// How many times as many below [`SLOW`].
+    slow_steps: u32,
     /// Power spectral densities of the process noise, in the filter's coordinates.
     psd: SVector<f64, STATES>,
     /// Least standard deviations of the unknowns.
@@ -40,6 +46,7 @@ impl Prediction {
             // With radii the sigma points stay as far out as without: one tuning for both.
             transform: UnscentedTransform::new(6, filter.alpha, filter.beta, filter.kappa),
             substeps: filter.substeps.max(1) as u32,
+            slow_steps: if filter.supervise { SLOW_STEPS } else { 1 },
             psd: SVector::from([
                 walk.speed,
                 walk.wheel_speed,
@@ -54,6 +61,12 @@ impl Prediction {
         }
     }
 
+    /// Steps of the model over `dt` seconds from this speed.
+    fn steps(&self, speed: f64, dt: f64) -> u32 {
+        let steps = self.substeps.max((dt / LONGEST_STEP - 1e-9).ceil() as u32);
+        if speed.abs() < SLOW { steps * self.slow_steps } else { steps }
+    }
+
     /// Carries the belief over `dt` seconds; unknowns and radii walk only if something may be learnt.
     pub fn predict<const N: usize, const K: usize>(
         &self,
@@ -64,7 +77,7 @@ impl Prediction {
         learn: bool,
     ) {
         let std = self.process_std(belief, dt, learn);
-        let substeps = self.substeps.max((dt / LONGEST_STEP - 1e-9).ceil() as u32);
+        let substeps = self.steps(belief.mean[0], dt);
         let driven = Driven::new(&map.machine, drive);
         match self.kind {
             Kind::SquareRootUnscented => {
@@ -88,7 +101,7 @@ impl Prediction {
         drive: &Drive,
         dt: f64,
     ) -> SMatrix<f64, N, N> {
-        let substeps = self.substeps.max((dt / LONGEST_STEP - 1e-9).ceil() as u32);
+        let substeps = self.steps(belief.mean[0], dt);
         let driven = Driven::new(&map.machine, drive);
         let mut moved = belief.factor;
         if self.kind == Kind::Extended {

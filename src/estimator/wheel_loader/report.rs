@@ -54,6 +54,7 @@ impl LoaderMachine {
         let radius = |i: usize| Estimate::new(radius[i], given[i] * root_sum_square([belief.std(6 + i), doubt.radius]));
         (out.wheel_radius_front, out.wheel_radius_rear) = (radius(0), radius(1));
         out.speed_estimate = Estimate::new(motion[0], belief.std(0));
+        out.speed_estimate.widen(root_sum_square([self.speed_scale_std, doubt.radius]) * motion[0]);
         let standing = !state.motion_known || (held && motion[0].abs() < self.hold.resume_speed);
         out.load_ratio = self.load_ratio(state, (&machine, &motion, &unknowns, &drive), &doubt, standing);
         out.hold = held;
