@@ -140,6 +140,16 @@ def frozen(channels, start, end, period=0.01):
     return repeated(channels, lambda row, time: round(start / period) if start <= time < end else row)
 
 
+def swinging(channels, by, frequency, start):
+    """From `start`, s, on the channels swing about what they are."""
+
+    def change(row, time):
+        swing = by * math.sin(math.tau * frequency * (time - start)) if time >= start else 0
+        return {name: str(float(value) + swing) if chosen(name, channels) else value for name, value in row.items()}
+
+    return change
+
+
 def noisy(channels, std):
     """White noise in addition, of a law that repeats."""
     random = Random(5)
@@ -158,6 +168,10 @@ FAULTS = [
     ("one wheel smaller", "wheelchair", "climb", {"initial.heading": 1.5708}, {}, scaled("encoder_left", 0.99)),
     ("rolling resistance not said", "wheelchair", "oblique", {}, {"plant.rolling_coefficient": 0.015}, None),
     ("force late", "wheelchair", "climb", {"filter.kind": "gravity_vector"}, {}, missing("drive_force", 0, 1)),
+    ("somebody rocks", "wheelchair", "climb", {}, {}, swinging("drive_force", 30, 0.8, 2)),
+    ("somebody rocks fast", "wheelchair", "climb", {}, {}, swinging("drive_force", 40, 1.5, 2)),
+    ("somebody rocks, heading unknown", "wheelchair", "climb", {"filter.kind": "gravity_vector"}, {},
+        swinging("drive_force", 40, 1, 2)),
     ("no wheel speed", "wheeled-robot", "accelerate-brake", {}, {}, missing("wheel_speed_fl", 3, 4.5)),
     ("no wheel speed while braking", "wheeled-robot", "accelerate-brake", {}, {}, missing("wheel_speed_fl", 4, 6)),
     ("never any torques", "wheeled-robot", "vector", {}, {}, missing("drive_torque_*", 0, 60)),
@@ -189,6 +203,11 @@ FAULTS = [
     ("positions freeze", "human-dynamics", "seated-braking", {}, {}, frozen("q_*", 3, 5)),
     ("no joint accelerations", "human-dynamics", "seated-braking", {}, {}, missing("qdd_*", 1, 2)),
     ("no acceleration", "human-dynamics", "seated-braking", {}, {}, missing("base_accel_*", 1, 2)),
+    ("a floor that rolls harder", "nursing-robot", "coughs", TILT | {"rolling.coefficient": 0.0105}, {}, None),
+    ("a floor that rolls easier", "nursing-robot", "smooth-start", TILT | {"rolling.coefficient": 0.0195}, {}, None),
+    ("the robot's speed late", "nursing-robot", "coughs", {}, {}, late("speed", 2)),
+    ("the robot's speed scaled", "nursing-robot", "coughs", TILT, {}, scaled("speed", 0.99)),
+    ("torques off a little", "nursing-robot", "coughs", TILT, {}, off("torque_*", 0.5)),
     ("tilt off", "nursing-robot", "coughs", TILT, {}, off("tilt", 0.01)),
     ("tilt rate off", "nursing-robot", "coughs", TILT, {}, off("tilt_rate", 0.01)),
 ]  # fmt: skip

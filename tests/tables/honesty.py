@@ -157,7 +157,8 @@ def with_truth(estimates, truth):
     load on the front axle without what bumps do to it."""
     (head, _), (true_head, _) = estimates, truth
     names = [name.removesuffix("_std") for name in head if name.endswith("_std") and name != "load_ratio_std"]
-    return {name: f"true_{name}" for name in names if f"true_{name}" in true_head}
+    columns = {name: f"true_{name.removesuffix('_estimate')}" for name in names}
+    return {name: column for name, column in columns.items() if column in true_head}
 
 
 def simulated(identify, machine, scenario, seed, settings=None, plant=None, change=None, clock="log"):
