@@ -88,7 +88,9 @@ impl ChairMachine {
     ) -> Result<Outcome, NotPositiveDefinite> {
         let drive =
             Drive { command: self.acting(state, state.command), accel_x: None, vibration: 0.0, push: 0.0, still };
-        let offset = state.belief.force_offset().filter(|_| self.takes_force());
+        // A brake that may hold since the start is known to be any.
+        let followed = self.takes_force() && !still && !state.may_be_braked;
+        let offset = state.belief.force_offset().filter(|_| followed);
         let State { belief, rejections, watch, .. } = state;
         let done = of_kind!(self, belief, |filter, belief| filter.correct_watched(
             belief,
@@ -98,7 +100,7 @@ impl ChairMachine {
             &drive
         ))?;
         match offset {
-            Some(offset) if !still && sample.values[ACCEL_X].is_finite() => {
+            Some(offset) if sample.values[ACCEL_X].is_finite() => {
                 let mass = self.chair.inertial_mass();
                 let variance = self.basic.noise.accel * self.basic.noise.accel + watch.vibration.forward;
                 watch.push.follow(mass * done.sensors.residual[ACCEL_X] + offset, mass * mass * variance, dt);
