@@ -348,12 +348,13 @@ impl Machine for NursingMachine {
                 out.sway_status = SwayStatus::Off;
                 let [_, body @ ..] = self.unobserved.state;
                 let mut speed = state.speed;
-                speed.widen(state.speed_lateness.std(0, self.parameters.sway.speed_delay_std));
+                let p = &self.parameters.sway;
+                let late = state.speed_lateness.std(0, p.speed_delay_std);
+                speed.widen(root_sum_square([late, p.speed_scale_std * speed.value]));
                 SwayEstimate { state: [speed, body[0], body[1], body[2]], ..self.unobserved }
             }
         };
         [out.speed_estimate, out.body_pitch, out.body_pitch_rate, out.active_torque] = sway.state;
-        out.speed_estimate.widen(self.parameters.sway.speed_scale_std * out.speed_estimate.value);
         out.sway_pitch = sway.motion;
         (out.sway_force, out.hip_torque) = (sway.force, sway.torque);
         self.report_centre_of_gravity(out);

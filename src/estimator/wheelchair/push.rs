@@ -42,13 +42,14 @@ pub struct Push {
     blocks: usize,
     /// Mean squares of what lies between blocks so far apart, less the noise, N^2.
     moved: [f64; APART.len()],
+    /// What the largest of them makes of the random walk, N^2/s.
+    density: f64,
 }
 
 impl Push {
     /// Density of the random walk that moves as the force does beyond what is expected, N^2/s.
     pub fn density(&self) -> f64 {
-        let of = |(apart, moved): (&usize, &f64)| moved / (BLOCK * (*apart as f64 - 1.0 / 3.0));
-        APART.iter().zip(&self.moved).map(of).fold(0.0, f64::max)
+        self.density
     }
 
     /// Takes the force that a sample shows beside the reported one, of this variance, `dt` seconds after the last sample.
@@ -70,6 +71,8 @@ impl Push {
             let seen = if apart <= self.blocks { (mean - self.means[apart - 1]).powi(2) - NOISE * noise } else { 0.0 };
             *moved += share * (seen - *moved);
         }
+        let of = |(apart, moved): (&usize, &f64)| moved / (BLOCK * (*apart as f64 - 1.0 / 3.0));
+        self.density = APART.iter().zip(&self.moved).map(of).fold(0.0, f64::max);
         self.means.rotate_right(1);
         self.means[0] = mean;
         self.blocks = (self.blocks + 1).min(KEPT);
@@ -78,12 +81,12 @@ impl Push {
 
     /// What comes next has nothing to do with what was before: no force acts on a chair that stands.
     pub(super) fn interrupt(&mut self) {
-        *self = Self { moved: self.moved, ..Self::default() };
+        *self = Self { moved: self.moved, density: self.density, ..Self::default() };
     }
 
     /// Whether its numbers are those of a force.
     pub(super) fn is_valid(&self) -> bool {
-        let all = [self.sum, self.variance, self.samples, self.time];
+        let all = [self.sum, self.variance, self.samples, self.time, self.density];
         all.iter().chain(&self.means).chain(&self.moved).all(|value| bounded(*value)) && self.blocks <= KEPT
     }
 }

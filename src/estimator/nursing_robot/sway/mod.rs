@@ -109,6 +109,8 @@ pub struct SwayEstimator {
     /// Standard deviation of the time by which the two come late, s, and of that by which the speed does.
     delay_std: f64,
     speed_delay_std: f64,
+    /// Relative error of the speed's scale.
+    speed_scale_std: f64,
     /// Errors of the hip's stiffness and damping, relative.
     passive_std: [f64; 2],
 }
@@ -160,6 +162,7 @@ impl SwayEstimator {
             bias_std: [p.sway.tilt_bias_std, p.sway.tilt_rate_bias_std],
             delay_std: p.sway.tilt_delay_std,
             speed_delay_std: p.sway.speed_delay_std,
+            speed_scale_std: p.sway.speed_scale_std,
             passive_std: [p.human.stiffness_pitch_std, p.human.damping_pitch_std],
         }
     }

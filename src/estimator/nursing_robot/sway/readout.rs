@@ -83,17 +83,20 @@ impl SwayEstimator {
     /// `K^2` of the noise's true variance.
     fn noise_taken_for_motion(&self, state: &SwayState, channel: usize, std: f64) -> f64 {
         let (adapted, nominal) = (state.noise.variance[channel], self.nominal_noise[channel]);
-        let gain = (std * std / adapted).min(1.0);
-        if self.use_channel[channel] { gain * (nominal - adapted).max(0.0).sqrt() } else { 0.0 }
+        if !self.use_channel[channel] || adapted >= nominal {
+            return 0.0;
+        }
+        (std * std / adapted).min(1.0) * (nominal - adapted).sqrt()
     }
 
-    /// Adds to the deviation of the speed what a force that lasts and samples that come late make of it, and that wheels which count as
-    /// held may creep.
+    /// Adds to the deviation of the speed what a force that lasts, samples that come late and an error of their scale make of it, and
+    /// that wheels which count as held may creep.
     fn widen_speed(&self, state: &SwayState, speed: &mut Estimate) {
         let creeps = if state.standstill.is_still() { state.smoothed_speed } else { 0.0 };
         speed.widen(root_sum_square([
             state.speed_offset.std(),
             state.lateness.std(SPEED, self.speed_delay_std),
+            self.speed_scale_std * speed.value,
             creeps,
         ]));
     }

@@ -28,8 +28,11 @@ impl SpeedOffset {
         self.mean += share * (innovation - self.mean);
         // of white noise a low-pass passes share/(2 - share)
         let noise = variance * share / (2.0 - share);
-        let beyond = (self.mean * self.mean - NOISE * noise).max(0.0).sqrt();
-        self.largest = beyond.max(self.largest * FADES / (FADES + dt));
+        let beyond = self.mean * self.mean - NOISE * noise;
+        self.largest *= FADES / (FADES + dt);
+        if beyond > self.largest * self.largest {
+            self.largest = beyond.sqrt();
+        }
     }
 
     /// Standard deviation of the speed from this, m/s.
