@@ -36,7 +36,7 @@ impl<const N: usize> Lateness<N> {
 
     /// Takes the signals `dt` seconds after the values before.
     pub fn follow(&mut self, values: [f64; N], dt: f64) {
-        let (kept, behind) = (FADES / (FADES + dt), (-dt / TIME).exp());
+        let (kept, behind) = ((-dt / FADES).exp(), (-dt / TIME).exp());
         for ((smoothed, change), value) in self.smoothed.iter_mut().zip(&mut self.change).zip(values) {
             let ahead = value - *smoothed;
             *change = change.max(ahead.abs()) * kept;
