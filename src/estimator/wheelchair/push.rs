@@ -26,6 +26,8 @@ const KEPT: usize = 8;
 const TIME: f64 = 2.0;
 /// Of the squares the noise explains so many times its own: its mean square scatters.
 const NOISE: f64 = 2.0;
+/// Larger steps are none of a person or a brake but of a sensor or an impact, m/s^2.
+const LARGEST: f64 = 2.5;
 /// A gap of so many blocks between two samples begins anew.
 const GAP: f64 = 2.0;
 
@@ -52,8 +54,9 @@ impl Push {
         self.density
     }
 
-    /// Takes the force that a sample shows beside the reported one, of this variance, `dt` seconds after the last sample.
-    pub(super) fn follow(&mut self, force: f64, variance: f64, dt: f64) {
+    /// Takes the force that a sample shows beside the reported one, of this variance, `dt` seconds after the last sample of a chair of
+    /// this mass.
+    pub(super) fn follow(&mut self, force: f64, variance: f64, mass: f64, dt: f64) {
         if dt > GAP * BLOCK {
             self.interrupt();
         }
@@ -68,7 +71,9 @@ impl Push {
         let (mean, noise) = (self.sum / self.samples, 2.0 * self.variance / (self.samples * self.samples));
         let share = 1.0 - (-self.time / TIME).exp();
         for (moved, apart) in self.moved.iter_mut().zip(APART) {
-            let seen = if apart <= self.blocks { (mean - self.means[apart - 1]).powi(2) - NOISE * noise } else { 0.0 };
+            let by = mean - self.means[apart - 1];
+            let counts = apart <= self.blocks && by.abs() < LARGEST * mass;
+            let seen = if counts { by * by - NOISE * noise } else { 0.0 };
             *moved += share * (seen - *moved);
         }
         let of = |(apart, moved): (&usize, &f64)| moved / (BLOCK * (*apart as f64 - 1.0 / 3.0));

@@ -103,7 +103,8 @@ impl ChairMachine {
             Some(offset) if sample.values[ACCEL_X].is_finite() => {
                 let mass = self.chair.inertial_mass();
                 let variance = self.basic.noise.accel * self.basic.noise.accel + watch.vibration.forward;
-                watch.push.follow(mass * done.sensors.residual[ACCEL_X] + offset, mass * mass * variance, dt);
+                let force = mass * done.sensors.residual[ACCEL_X] + offset;
+                watch.push.follow(force, mass * mass * variance, mass, dt);
             }
             _ => watch.push.interrupt(),
         }
