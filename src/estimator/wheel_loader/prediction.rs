@@ -12,9 +12,10 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Longest implicit step of the model, s.
 const LONGEST_STEP: f64 = 0.01;
-/// Below this speed, m/s, the model takes more steps, so many times as many. An implicit step is one of Newton's method, which overshoots
-/// where a tyre's force is saturated: with the same noise of the wheels, the slip of the sigma points grows as the speed falls.
+/// Below this speed, m/s, the model takes more steps. An implicit step is one of Newton's method, which overshoots
+/// where a tyre's force is saturated; with the same noise of the wheels, the slip of the sigma points grows as the speed falls.
 const SLOW: f64 = 0.8;
+/// So many times as many.
 const SLOW_STEPS: u32 = 2;
 /// Power spectral densities of the motion's random walk while the estimates are held: m2/s3, rad2/s3.
 const HELD_PSD: [f64; 3] = [0.25, 4.0, 4.0];

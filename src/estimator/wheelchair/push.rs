@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 const BLOCK: f64 = 0.05;
 /// Blocks that are compared with the present one: so many before it.
 const APART: [usize; 4] = [1, 2, 4, 8];
-const KEPT: usize = 8;
+const KEPT: usize = APART[APART.len() - 1];
 /// Memory of the squares, s: some swings of a body.
 const TIME: f64 = 2.0;
 /// Of the squares the noise explains so many times its own: its mean square scatters.
@@ -93,5 +93,53 @@ impl Push {
     pub(super) fn is_valid(&self) -> bool {
         let all = [self.sum, self.variance, self.samples, self.time, self.density];
         all.iter().chain(&self.means).chain(&self.moved).all(|value| bounded(*value)) && self.blocks <= KEPT
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    const MASS: f64 = 100.0;
+    /// Of a sample by the accelerometer, N.
+    const NOISE_STD: f64 = 5.0;
+
+    /// Mean density over some minutes of a force that moves at random with the density `walk`, N^2/s, seen through noise.
+    fn found(walk: f64, dt: f64) -> f64 {
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let (mut push, mut force, mut sum, samples) = (Push::default(), 0.0, 0.0, 20_000);
+        for _ in 0..samples {
+            force += (walk * dt).sqrt() * normal();
+            push.follow(force + NOISE_STD * normal(), NOISE_STD * NOISE_STD, MASS, dt);
+            sum += push.density() / f64::from(samples);
+        }
+        sum
+    }
+
+    /// The largest of four estimates is above their mean; a block is as many whole samples as fit best, at 20 ms four fifths of its length.
+    #[test]
+    fn a_random_walk_is_found_with_its_density_and_white_noise_is_none() {
+        for dt in [0.005, 0.01, 0.02] {
+            for walk in [1e3, 1e4] {
+                let found = found(walk, dt);
+                assert!((0.8 * walk..2.0 * walk).contains(&found), "{dt} s, {walk}: {found}");
+            }
+            assert!(found(0.0, dt) < 4.0, "{dt} s: {}", found(0.0, dt));
+        }
+    }
+
+    #[test]
+    fn a_brake_that_takes_hold_is_followed_and_a_sensor_that_jumps_is_not() {
+        for (step, followed) in [(60.0, true), (400.0, false)] {
+            let mut push = Push::default();
+            for k in 0..120 {
+                push.follow(if k < 100 { 0.0 } else { step }, NOISE_STD * NOISE_STD, MASS, 0.01);
+            }
+            assert_eq!(push.density() > 100.0, followed, "{step} N: {}", push.density());
+        }
     }
 }

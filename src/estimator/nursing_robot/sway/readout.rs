@@ -60,21 +60,25 @@ impl SwayEstimator {
         self.widen_torques(state, &planar, moved, &mut estimate);
         self.widen_speed(state, &mut estimate.state[0]);
         if self.use_channel[2] {
-            let delay = state.rate_delay.delay_std(self.delay_std);
-            estimate.state[2].widen(root_sum_square([self.bias_std[1], state.lateness.std(PITCH_RATE, delay)]));
+            let late = state.lateness.std(PITCH_RATE, self.delay(state));
+            estimate.state[2].widen(root_sum_square([self.bias_std[1], late]));
         }
         estimate
     }
 
-    /// With a tilt sensor: adds to the deviations what constant errors and lateness of the sensors make of them. Returns what it has added to that
+    /// With a tilt sensor: adds to the deviations of the pitch what constant errors and lateness of the sensors make of it. Returns what it has added to that
     /// of the motion, rad.
     fn widen_measured(&self, state: &SwayState, estimate: &mut SwayEstimate) -> f64 {
         let [tilt, rate] = self.bias_std;
-        let delay = state.rate_delay.delay_std(self.delay_std);
-        let tilt = root_sum_square([tilt, delay * estimate.state[2].value, self.drift(state, rate)]);
+        let tilt = root_sum_square([tilt, self.delay(state) * estimate.state[2].value, self.drift(state, rate)]);
         estimate.motion.widen(tilt);
         estimate.state[1].widen(tilt);
         tilt
+    }
+
+    /// How late tilt and tilt rate may be, s (one standard deviation).
+    fn delay(&self, state: &SwayState) -> f64 {
+        state.rate_delay.delay_std(self.delay_std)
     }
 
     /// What a sensor's noise moves an estimate of this deviation where the adapted noise is less than that.
