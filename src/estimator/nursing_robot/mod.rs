@@ -103,6 +103,7 @@ pub use variables::{Inputs, Outputs};
 
 use crate::estimator::lateness::Lateness;
 use crate::estimator::one_step::{Belief, OneStepPrediction};
+use crate::estimator::unchanged::Unchanged;
 use crate::estimator::{Elapsed, Machine, Outcome, Rules, Sampled, StateError};
 use crate::filter::innovation::Innovation;
 use crate::variable::{Estimate, root_sum_square};
@@ -143,6 +144,8 @@ pub struct State {
     speed: Estimate,
     /// Of the speed, where no sway filter follows it.
     speed_lateness: Lateness<1>,
+    /// Of speed, tilt and tilt rate.
+    unchanged: Unchanged<3>,
     /// The mass filter.
     pub mass: MassState,
     /// The load that was known last: after a stop it is another one until this has been weighed, kg.
@@ -252,6 +255,7 @@ impl Machine for NursingMachine {
         let state = State {
             speed: Estimate::new(0.0, parameters.initial.speed_std),
             speed_lateness: Lateness::default(),
+            unchanged: Unchanged::default(),
             mass: mass.start(),
             weighed: parameters.human.nominal_mass,
             sway: sway.as_ref().map(SwayEstimator::start),
@@ -282,6 +286,7 @@ impl Machine for NursingMachine {
 
     fn sample(&mut self, state: &mut State, inputs: &Inputs, _: Status, elapsed: Elapsed) -> Outcome {
         self.watch_speed(state, inputs.speed, elapsed.seconds());
+        state.unchanged.follow([inputs.speed, inputs.tilt, inputs.tilt_rate], elapsed.seconds());
         match elapsed {
             _ if self.sway.is_some() => {}
             Elapsed::First | Elapsed::Gap(_) => state.speed_lateness = Lateness::at([state.speed.value]),
@@ -342,14 +347,17 @@ impl Machine for NursingMachine {
                 let unexplained = if mass.rls.valid { out.load_mass.std * mass.regressor.abs() } else { 0.0 };
                 let unseen = self.unseen_force(state, out.load_mass.value);
                 let unexplained = root_sum_square([unexplained, unseen]);
-                filter.estimate_under(sway, self.net_force(state, inputs), horizon, unexplained)
+                let mut estimate = filter.estimate_under(sway, self.net_force(state, inputs), horizon, unexplained);
+                filter.widen_aged(sway, state.unchanged.seconds(), &mut estimate);
+                estimate
             }
             _ => {
                 out.sway_status = SwayStatus::Off;
                 let [_, body @ ..] = self.unobserved.state;
                 let mut speed = state.speed;
                 let p = &self.parameters.sway;
-                let late = state.speed_lateness.std(0, p.speed_delay_std);
+                let delay = root_sum_square([p.speed_delay_std, state.unchanged.seconds()]);
+                let late = state.speed_lateness.std(0, delay);
                 speed.widen(root_sum_square([late, p.speed_scale_std * speed.value]));
                 SwayEstimate { state: [speed, body[0], body[1], body[2]], ..self.unobserved }
             }
@@ -409,7 +417,7 @@ impl Machine for NursingMachine {
         if !sway {
             return Err(StateError("its sway filter is of another model or invalid"));
         }
-        if state.mass.rls.is_valid() && state.speed_lateness.is_valid() {
+        if state.mass.rls.is_valid() && state.speed_lateness.is_valid() && state.unchanged.is_valid() {
             Ok(())
         } else {
             Err(StateError("its mass filter is invalid"))

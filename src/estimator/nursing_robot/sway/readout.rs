@@ -66,6 +66,19 @@ impl SwayEstimator {
         estimate
     }
 
+    /// Adds what the estimates may have changed by while nothing new was read for so many seconds.
+    pub(in super::super) fn widen_aged(&self, state: &SwayState, seconds: f64, estimate: &mut SwayEstimate) {
+        estimate.state[0].widen(state.lateness.std(SPEED, seconds));
+        if self.use_channel[1] {
+            let moved = seconds * estimate.state[2].value;
+            estimate.motion.widen(moved);
+            estimate.state[1].widen(moved);
+        }
+        if self.use_channel[2] {
+            estimate.state[2].widen(state.lateness.std(PITCH_RATE, seconds));
+        }
+    }
+
     /// With a tilt sensor: adds to the deviations of the pitch what constant errors and lateness of the sensors make of it. Returns what it has added to that
     /// of the motion, rad.
     fn widen_measured(&self, state: &SwayState, estimate: &mut SwayEstimate) -> f64 {
