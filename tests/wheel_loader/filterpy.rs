@@ -16,6 +16,7 @@ fn parameters(alpha: f64, form: Form) -> Parameters {
     p.filter.alpha = alpha;
     p.filter.form = form;
     p.filter.radii = Radii::Fixed;
+    p.filter.overshoot = true;
     p.filter.supervise = false;
     p.filter.interpolate_inputs = false;
     (p.filter.measurement_std.speed, p.filter.measurement_std.wheel_speed) = (0.03, 0.05);

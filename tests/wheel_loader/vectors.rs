@@ -40,6 +40,7 @@ fn parameters(initial: [f64; 3], std: [f64; 3]) -> Parameters {
 /// Switches off what this estimator does beyond the study.
 fn as_in_the_study(p: &mut Parameters) {
     p.filter.radii = Radii::Fixed;
+    p.filter.overshoot = true;
     (p.filter.measurement_std.speed, p.filter.measurement_std.wheel_speed) = (0.03, 0.05);
     p.filter.measurement_std.speed_delay = 0.0;
     p.filter.adaptation.enabled = false;

@@ -176,8 +176,10 @@ variables! {
         beta: f64 = 2.0, "1", [0.8, 100.0];
         /// Second spread of the sigma points.
         kappa: f64 = 0.0, "1", [-5.0, 100.0];
-        /// Implicit steps of the model per sample; more are taken where one would be longer than 10 ms, and below 0.8 m/s, where slip is large.
+        /// Implicit steps of the model per sample; more are taken where one would be longer than 10 ms.
         substeps: i32 = 2, "1", [1, 100];
+        /// Whether a step of the model may pass rolling where a tyre is saturated, as the study's do; only for comparisons.
+        overshoot: bool = false, "1";
         /// Whether a sample's drive is the mean of the last two inputs (true) or the last one.
         interpolate_inputs: bool = true, "1";
         /// Hold, gates, limits of the standard deviations and the comparison of slip and torque; off only for comparisons.

@@ -12,11 +12,6 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Longest implicit step of the model, s.
 const LONGEST_STEP: f64 = 0.01;
-/// Below this speed, m/s, the model takes more steps. An implicit step is one of Newton's method, which overshoots
-/// where a tyre's force is saturated; with the same noise of the wheels, the slip of the sigma points grows as the speed falls.
-const SLOW: f64 = 0.8;
-/// So many times as many.
-const SLOW_STEPS: u32 = 2;
 /// Power spectral densities of the motion's random walk while the estimates are held: m2/s3, rad2/s3.
 const HELD_PSD: [f64; 3] = [0.25, 4.0, 4.0];
 
@@ -26,8 +21,7 @@ pub struct Prediction {
     kind: Kind,
     transform: UnscentedTransform,
     substeps: u32,
-    /// How many times as many below [`SLOW`].
-    slow_steps: u32,
+    overshoot: bool,
     /// Power spectral densities of the process noise, in the filter's coordinates.
     psd: SVector<f64, STATES>,
     /// Least standard deviations of the unknowns.
@@ -47,7 +41,7 @@ impl Prediction {
             // With radii the sigma points stay as far out as without: one tuning for both.
             transform: UnscentedTransform::new(6, filter.alpha, filter.beta, filter.kappa),
             substeps: filter.substeps.max(1) as u32,
-            slow_steps: if filter.supervise { SLOW_STEPS } else { 1 },
+            overshoot: filter.overshoot,
             psd: SVector::from([
                 walk.speed,
                 walk.wheel_speed,
@@ -62,10 +56,14 @@ impl Prediction {
         }
     }
 
-    /// Steps of the model over `dt` seconds from this speed.
-    fn steps(&self, speed: f64, dt: f64) -> u32 {
-        let steps = self.substeps.max((dt / LONGEST_STEP - 1e-9).ceil() as u32);
-        if speed.abs() < SLOW { steps * self.slow_steps } else { steps }
+    /// Steps of the model over `dt` seconds.
+    fn steps(&self, dt: f64) -> u32 {
+        self.substeps.max((dt / LONGEST_STEP - 1e-9).ceil() as u32)
+    }
+
+    fn driven<'a>(&self, map: &'a Map, drive: &Drive) -> Driven<'a> {
+        let driven = Driven::new(&map.machine, drive);
+        if self.overshoot { driven.overshooting() } else { driven }
     }
 
     /// Carries the belief over `dt` seconds; unknowns and radii walk only if something may be learnt.
@@ -78,8 +76,7 @@ impl Prediction {
         learn: bool,
     ) {
         let std = self.process_std(belief, dt, learn);
-        let substeps = self.steps(belief.mean[0], dt);
-        let driven = Driven::new(&map.machine, drive);
+        let (substeps, driven) = (self.steps(dt), self.driven(map, drive));
         match self.kind {
             Kind::SquareRootUnscented => {
                 let points = Points::around(&belief.mean, map, &driven, (dt, substeps));
@@ -102,8 +99,7 @@ impl Prediction {
         drive: &Drive,
         dt: f64,
     ) -> SMatrix<f64, N, N> {
-        let substeps = self.steps(belief.mean[0], dt);
-        let driven = Driven::new(&map.machine, drive);
+        let (substeps, driven) = (self.steps(dt), self.driven(map, drive));
         let mut moved = belief.factor;
         if self.kind == Kind::Extended {
             let (_, f) = linearised(belief, map, &driven, dt, substeps);

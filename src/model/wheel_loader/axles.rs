@@ -37,6 +37,12 @@ impl Axles {
         self.front + self.rear
     }
 
+    /// The larger one of both axles.
+    #[inline(always)]
+    pub fn largest(self) -> Four {
+        self.front.max(self.rear)
+    }
+
     /// `self` at the points of the mask, `other` elsewhere.
     #[inline(always)]
     pub fn where_or(self, mask: Mask, other: Self) -> Self {

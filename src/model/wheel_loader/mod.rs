@@ -297,8 +297,10 @@ impl WheelLoader {
     /// The motion after `dt` seconds: `substeps` steps of linearly implicit Euler,
     /// `x + (I - hs J)^-1 hs f(x)`, `hs = dt / substeps`.
     ///
-    /// Stable at any step although the wheels' poles lie near -1e4 1/s. A singular step, which no
-    /// sensible machine has, leaves the motion where it is.
+    /// Stable at any step although the wheels' poles lie near -1e4 1/s. Where a tyre is saturated, `J` is too small, and the
+    /// step would pass rolling by far; there two steps of Newton's method for `y = x + hs f(y)` begin at rolling
+    /// ([`Driven::overshooting`] leaves them out). A singular step, which no sensible machine has, leaves the motion where it
+    /// is.
     pub fn advance(&self, x: &Motion, p: &Unknowns, u: &Drive, dt: f64, substeps: u32) -> Motion {
         Driven::new(self, u).advance(self.loader.wheel_radius(), x, p, dt, substeps)
     }

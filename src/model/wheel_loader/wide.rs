@@ -9,6 +9,9 @@ use multiversion::multiversion;
 use nalgebra::{SMatrix, Vector3};
 use std::array::from_fn;
 
+/// A step overshoots where it ends beyond rolling by more slip than this part of `mu_max / K`.
+const OVERSHOOT: f64 = 0.3;
+
 /// A machine and what drives it: all that does not depend on its motion.
 #[derive(Clone, Debug)]
 pub struct Driven<'a> {
@@ -31,6 +34,8 @@ pub struct Driven<'a> {
     spading: f64,
     /// `F_x`
     force_x: f64,
+    /// `1 / (OVERSHOOT mu_max)`; 0 if steps may overshoot.
+    per_overshoot: f64,
 }
 
 /// The model at four points with its derivatives to the motion.
@@ -102,7 +107,13 @@ impl<'a> Driven<'a> {
             spading: (u.force_z * (loader.wheelbase + loader.bucket_reach) - u.force_x * loader.bucket_height)
                 * per_length,
             force_x: u.force_x,
+            per_overshoot: model.tire.per_friction() / OVERSHOOT,
         }
+    }
+
+    /// With the study's steps, each linearised where it begins.
+    pub fn overshooting(self) -> Self {
+        Self { per_overshoot: 0.0, ..self }
     }
 
     /// Friction demand `mu(x)` with its derivative.
@@ -271,6 +282,19 @@ impl<'a> Driven<'a> {
         (first(x), SMatrix::from_columns(&f.map(first)))
     }
 
+    /// How far, m/s, each axle passes rolling in a step to this motion, from the side on which it had this slip.
+    #[inline(always)]
+    fn passed(&self, slip: Axles, (v, w): Column, r: Axles) -> Axles {
+        let beyond = Axles::both(v) - r * w;
+        Axles { front: beyond.front.flip_signs(slip.front), rear: beyond.rear.flip_signs(slip.rear) }
+    }
+
+    /// Positive where that is further than the tyre is linear for.
+    #[inline(always)]
+    fn overshoot(&self, passed: Four, v: Four, stiffness: Four) -> Four {
+        passed * stiffness * all(self.per_overshoot) - v.abs().max(all(self.model.tire.slip_speed))
+    }
+
     /// Derivatives of the rates to the motion.
     #[inline(always)]
     pub(super) fn by_motion(&self, at: &At) -> [Column; 3] {
@@ -302,14 +326,25 @@ impl<'a> Driven<'a> {
     }
 }
 
+/// Steps linearised where they begin, unless one of them overshoots. That is asked at the end: with a branch in the loop the
+/// points do not stay in their lanes.
 #[multiversion(targets("x86_64+avx+avx2"))]
 fn advance(driven: &Driven, r: &Axles, x: &Column, p: &[Four; 3], hs: f64, substeps: u32) -> Column {
-    let (mut x, hs) = (*x, all(hs));
+    let (mut to, hs, mut overshoot) = (*x, all(hs), Four::ZERO);
     for _ in 0..substeps {
-        let at = driven.at(x, *r, *p);
-        (x, _) = moved(x, Implicit::new(&at, hs).solve((at.rates.0 * hs, at.rates.1 * hs)));
+        let step = Step::new(driven, r, p, hs, to);
+        let passed = driven.passed(step.at.slip, step.to, *r).largest();
+        overshoot = driven.overshoot(passed, step.to.0, p[0]).max(overshoot);
+        to = step.to;
     }
-    x
+    if overshoot.greater(Four::ZERO).any() { again(driven, r, x, p, hs, substeps) } else { to }
+}
+
+/// The same by steps that do not overshoot.
+#[cold]
+#[inline(never)]
+fn again(driven: &Driven, r: &Axles, x: &Column, p: &[Four; 3], hs: Four, substeps: u32) -> Column {
+    (0..substeps).fold(*x, |x, _| Step::within_rolling(driven, r, p, hs, x).to)
 }
 
 #[multiversion(targets("x86_64+avx+avx2"))]
@@ -324,22 +359,65 @@ fn advance_linearised<const N: usize>(
     let (mut x, hs) = (*x, all(hs));
     let mut f: [Column; N] = from_fn(unit);
     for _ in 0..substeps {
-        let at = driven.at(x, *r, *p);
-        let implicit = Implicit::new(&at, hs);
-        let (moved, exists) = moved(x, implicit.solve((at.rates.0 * hs, at.rates.1 * hs)));
-        if !exists.any() {
+        let step = Step::within_rolling(driven, r, p, hs, x);
+        if !step.exists.any() {
             continue;
         }
-        let derivatives = driven.by_unknowns_and_radii(&at, x.1);
+        let derivatives = driven.by_unknowns_and_radii(&step.at, step.about.1);
         for (k, column) in f.iter_mut().enumerate() {
             if let Some(rate) = k.checked_sub(3).map(|k| derivatives[k]) {
                 *column = (column.0 + rate.0 * hs, column.1 + rate.1 * hs);
             }
-            *column = implicit.solve(*column);
+            *column = step.implicit.solve(*column);
         }
-        x = moved;
+        x = step.to;
     }
     (x, f)
+}
+
+/// An implicit step `y = x + hs f(y)` by Newton's method, `(I - hs J) (y - about) = x - about + hs f(about)`.
+struct Step {
+    /// Where the model is linearised.
+    about: Column,
+    at: At,
+    implicit: Implicit,
+    /// `y`; where it does not exist, `about`.
+    to: Column,
+    exists: Mask,
+}
+
+impl Step {
+    /// Linearised where it begins.
+    #[inline(always)]
+    fn new(driven: &Driven, r: &Axles, p: &[Four; 3], hs: Four, x: Column) -> Self {
+        let at = driven.at(x, *r, *p);
+        let implicit = Implicit::new(&at, hs);
+        let (to, exists) = moved(x, implicit.solve((at.rates.0 * hs, at.rates.1 * hs)));
+        Self { about: x, at, implicit, to, exists }
+    }
+
+    /// The same; if a point overshoots, it ends where two steps of Newton's method lead from rolling, about which it is
+    /// linearised then. There a tyre is stiffest, so that they come nearer from that side and do not pass. Both axles begin
+    /// at rolling: the load that one transfers in a false step upsets the other.
+    fn within_rolling(driven: &Driven, r: &Axles, p: &[Four; 3], hs: Four, x: Column) -> Self {
+        let plain = Self::new(driven, r, p, hs, x);
+        let passed = driven.passed(plain.at.slip, plain.to, *r);
+        let overshot = driven.overshoot(passed.largest(), plain.to.0, p[0]).greater(Four::ZERO);
+        if !overshot.any() {
+            return plain;
+        }
+        let newton = |about: Column| {
+            let at = driven.at(about, *r, *p);
+            let implicit = Implicit::new(&at, hs);
+            let rest = (x.0 - about.0 + at.rates.0 * hs, x.1 - about.1 + at.rates.1 * hs);
+            let (to, exists) = moved(about, implicit.solve(rest));
+            Self { about, at, implicit, to, exists }
+        };
+        let rolling = Axles { front: x.0 / r.front, rear: x.0 / r.rear };
+        let mut step = newton(newton((x.0, rolling)).to);
+        step.to = (overshot.choose(step.to.0, plain.to.0), step.to.1.where_or(overshot, plain.to.1));
+        step
+    }
 }
 
 impl At {
