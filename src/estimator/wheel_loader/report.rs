@@ -51,7 +51,9 @@ impl LoaderMachine {
         let wheelbase = machine.loader.wheelbase;
         out.cg_to_rear_axle = Estimate::new(out.cg_ratio.value * wheelbase, out.cg_ratio.std * wheelbase);
         let (given, radius) = (map.machine.loader.wheel_radius(), machine.loader.wheel_radius());
-        let radius = |i: usize| Estimate::new(radius[i], given[i] * root_sum_square([belief.std(6 + i), doubt.radius]));
+        let softness = self.uncertainty.radius_std(map, &unknowns);
+        let radius_std = |i: usize| root_sum_square([given[i] * belief.std(6 + i), given[i] * doubt.radius, softness]);
+        let radius = |i: usize| Estimate::new(radius[i], radius_std(i));
         (out.wheel_radius_front, out.wheel_radius_rear) = (radius(0), radius(1));
         out.speed_estimate = Estimate::new(motion[0], belief.std(0));
         out.speed_estimate.widen(root_sum_square([self.speed_scale_std, doubt.radius]) * motion[0]);

@@ -8,6 +8,9 @@ use crate::model::wheel_loader::{GRAVITY, Unknowns};
 use crate::variable::root_sum_square;
 use nalgebra::Vector3;
 
+/// Specific force of usual driving, m/s2.
+const USUAL_ACCELERATION: f64 = 0.5;
+
 /// What the standard deviations of the unknowns follow from, beside the belief.
 #[derive(Clone, Debug)]
 pub struct Uncertainty {
@@ -80,6 +83,14 @@ impl Uncertainty {
     pub fn model_variance(&self, i: usize, map: &Map, theta_std: f64, unknowns: &Unknowns) -> f64 {
         let model = self.model_std(i, map, unknowns);
         self.learnt(i, theta_std) * model * model
+    }
+
+    /// What the change of a tyre's deflection with the load transfer of half a metre per second squared can make of its
+    /// rolling radius, as a standard deviation, m. The filter takes the radii for the same at any load.
+    pub fn radius_std(&self, map: &Map, unknowns: &Unknowns) -> f64 {
+        let (error, loader) = (&self.model, &map.machine.loader);
+        let transfer = USUAL_ACCELERATION * loader.mass * unknowns[1] / loader.wheelbase;
+        error.radius_softness * transfer / error.tire_stiffness
     }
 
     /// What the model's simplifications can make of an unknown, as a standard deviation.
