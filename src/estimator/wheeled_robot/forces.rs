@@ -16,6 +16,8 @@ const ACCELERATION_LAG: f64 = 0.03;
 /// What a wheel's speed changes in bends beside the vehicle's, over the lateral acceleration (one standard deviation): half a track times the yaw
 /// acceleration, and yaw rate times lateral speed.
 const IN_BENDS: f64 = 1.0 / 3.0;
+/// Slope, rad, on which a vehicle is held by its brakes (one standard deviation).
+const HELD_ON: f64 = 0.1;
 
 impl ForcedMotion for Wheel {
     fn acceleration(&self, torque: f64, force: f64) -> f64 {
@@ -112,6 +114,7 @@ pub(super) struct ForceObservers {
     adaptive: bool,
     stop_speed: f64,
     rolling: f64,
+    rolling_std: f64,
     wheel: Wheel,
     accel_std: f64,
     accel_bias: f64,
@@ -146,6 +149,7 @@ impl ForceObservers {
             adaptive: p.filter.adaptive && p.sample_period <= LONGEST && o.measurement_std.wheel_speed > 0.0,
             stop_speed: o.stop_speed,
             rolling: p.rolling.coefficient * p.wheel.radius,
+            rolling_std: p.rolling.coefficient_std,
             wheel: p.wheel.clone(),
             accel_std: p.filter.measurement_std.accel_x,
             accel_bias: p.imu.accel_x_bias_std,
@@ -234,10 +238,12 @@ impl ForceObservers {
         h: f64,
     ) {
         let (drive, brake, speed) = (readings.drive_torque[i], readings.brake_torque[i], readings.speed[i]);
-        let rolling = self.rolling * predicted.load[i];
+        let load = predicted.load[i];
+        let rolling = self.rolling * load;
         // a wheel without a speed is taken to roll with the vehicle: what its observer follows meanwhile may have turned back
         let turning = speed.unwrap_or(predicted.x[0] / self.wheel.radius);
         let torque = wheel_torque(drive, brake, turning, self.stop_speed, rolling);
+        let unsaid = root_sum_square([self.rolling_std * load, self.holding(brake, turning, load)]);
         if speed.is_none() && !state.observers[i].started {
             let inertia = self.wheel.inertia_force();
             let inertial = inertia * state.acceleration.unwrap_or(0.0);
@@ -247,7 +253,7 @@ impl ForceObservers {
             let unknown = inertia * root_sum_square([unseen, IN_BENDS * r * vx]);
             let (bias, noise) = (self.knowledge.torque_bias, self.knowledge.torque_noise);
             let variance = noise * noise + bias * bias + inertial * inertial + unknown * unknown;
-            state.force_std[i] = variance.sqrt() / self.wheel.radius;
+            state.force_std[i] = root_sum_square([variance.sqrt() / self.wheel.radius, unsaid]);
             return;
         }
         let observer = &mut state.observers[i];
@@ -257,7 +263,15 @@ impl ForceObservers {
         state.force[i] = self.observer.step(&self.wheel, observer, speed.unwrap_or(f64::NAN), torque, h);
         let speed_noise = self.knowledge.speed_noise * state.noise.inflation(i).sqrt();
         let known = Knowledge { speed_noise, ..self.knowledge };
-        state.force_std[i] = self.observer.force_std(&self.wheel, observer, &known, h);
+        let by_observer = self.observer.force_std(&self.wheel, observer, &known, h);
+        state.force_std[i] = root_sum_square([by_observer, unsaid]);
+    }
+
+    /// What a wheel's brake may hold, N (one standard deviation): at rest its torque is anything up to what is said, as a
+    /// slope asks for, of which no measurement tells.
+    fn holding(&self, brake: f64, speed: f64, load: f64) -> f64 {
+        let fades = (1.0 - speed.abs() / self.stop_speed.max(f64::MIN_POSITIVE)).max(0.0);
+        fades * (brake.abs() / (3f64.sqrt() * self.wheel.radius)).min(HELD_ON * load)
     }
 
     /// Without any torque the forces are those that explain the longitudinal acceleration, shared in

@@ -60,7 +60,8 @@
 //! - Constant errors of the gyro, 0.005 rad/s and 2 % (`imu.gyro_z_bias_std`, `gyro_z_scale_std`), and 15 ms by which it may be late
 //!   (`gyro_z_delay_std`; [`lateness`](crate::estimator::lateness)), or by as much as it shows beside the wheels
 //!   ([`relative_delay`](crate::estimator::relative_delay)), count in `yaw_rate_std`, those of the torques, 0.05 N.m
-//!   (`observer.torque_bias_std`), and the delay that they show beside the accelerometer, in `wheel_force_x_*_std`, the mass's, 5 % (`vehicle.mass_std`), in `wheel_load_*_std`.
+//!   (`observer.torque_bias_std`), the delay that they show beside the accelerometer, the rolling resistance's error and what a brake
+//!   may hold at rest, in `wheel_force_x_*_std`; parallel front wheels where they may steer about one centre in `wheel_force_y_f*_std`; the mass's, 5 % (`vehicle.mass_std`), in `wheel_load_*_std`.
 //! - Until a speed has been measured the estimates are not healthy; the first one takes the place of one that is far from it.
 //! - A gyro whose reading repeats exactly while the steering asks for another yaw rate has no samples
 //!   ([`repetition`](crate::estimator::repetition)). Wheel speeds count as noisier than declared in the forces' deviations while they are.

@@ -87,7 +87,9 @@ impl RobotMachine {
         let unmodelled = 0.5 * self.model.vehicle.mass * state.unmodelled.acceleration_std(self.reach);
         let lateral_std = std::array::from_fn(|i| {
             let wheel = (&self.model.vehicle, i);
-            root_sum_square([self.constants.lateral_std(&uncertain, &cross, slopes[i], &grip, wheel), unmodelled])
+            let known = self.constants.lateral_std(&uncertain, &cross, slopes[i], &grip, wheel);
+            let by_angle = if i < 2 { self.model.vehicle.ackermann(steering) * grip.stiffness[i] } else { 0.0 };
+            root_sum_square([known, unmodelled, by_angle])
         });
         // without torques nobody knows whether wheels pull against one another, of which the acceleration shows the sum alone
         let apart = if forces.by_torque { 0.0 } else { any };

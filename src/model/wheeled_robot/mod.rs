@@ -80,6 +80,8 @@ variables! {
     pub struct Rolling {
         /// Rolling resistance over load, taken off the wheels' torque (f_r).
         coefficient: f64 = 0.0, "1", [0.0, 1.0];
+        /// Error of the coefficient (one standard deviation), for wheel_force_x_*_std. Tyres have 0.01 to 0.02 on roads, castors and soft ground more.
+        coefficient_std: f64 = 0.01, "1", [0.0, 1.0], tunable;
     }
 }
 
@@ -87,6 +89,12 @@ impl Vehicle {
     /// Wheelbase `L = lf + lr`, m.
     pub fn wheelbase(&self) -> f64 {
         self.cg_to_front + self.cg_to_rear
+    }
+
+    /// By how much, rad, each front wheel's angle differs from this one, the mean of both, where they steer about one centre
+    /// (Ackermann): `steering² tf/(2 L)`. The model has parallel front wheels.
+    pub fn ackermann(&self, steering: f64) -> f64 {
+        0.5 * steering * steering * self.track_front / self.wheelbase()
     }
 
     /// How the loads follow the accelerations while all wheels touch the ground, N per m/s²: what `ax` takes off
