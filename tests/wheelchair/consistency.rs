@@ -43,7 +43,7 @@ fn sensor_noise(noise: &Noise, chair: &model::Chair, alpha: f64) -> SMatrix<f64,
 /// Covariance of a step of 10 ms.
 fn process_noise(observer: &ChairEkf<Basic>) -> SMatrix<f64, 6, 6> {
     let mut step = Gaussian { mean: State::zeros(), covariance: SMatrix::zeros() };
-    let drive = Drive { command: Command::zeros(), accel_x: None, vibration: 0.0, push: 0.0, still: false };
+    let drive = Drive { command: Command::zeros(), accel_x: None, vibration: 0.0, push: 0.0, turn: 0.0, still: false };
     Basic.add_process_noise(&mut step, &observer.chair, &drive, &observer.noise, observer.noise.speed, 0.01);
     step.covariance
 }
@@ -68,12 +68,19 @@ fn nees_and_nis_are_those_of_a_consistent_filter() {
         for k in 0..500 {
             let command = |k: usize| Command::from(Course::Oblique.command(0.01 * k as f64, 0.0));
             if k > 0 {
-                let held = Drive { command: command(k - 1), accel_x: None, vibration: 0.0, push: 0.0, still: false };
+                let held = Drive {
+                    command: command(k - 1),
+                    accel_x: None,
+                    vibration: 0.0,
+                    push: 0.0,
+                    turn: 0.0,
+                    still: false,
+                };
                 x = runge_kutta(&x, 0.01, |x| model::derivative(&chair, x, &held.command, false));
                 x += q_root * State::from_fn(|_, _| draw());
                 observer.predict(&mut filter, 0.01, &held);
             }
-            let now = Drive { command: command(k), accel_x: None, vibration: 0.0, push: 0.0, still: false };
+            let now = Drive { command: command(k), accel_x: None, vibration: 0.0, push: 0.0, turn: 0.0, still: false };
             let r_root = sensor_noise(&observer.noise, &chair, x[model::ALPHA]).cholesky().unwrap().l();
             let y = model::output(&chair, &x, &now.command, false) + r_root * Output::from_fn(|_, _| draw());
             let update = observer.correct(&mut filter, &mut [0; 6], &Sample::from(y), &now).unwrap();
@@ -117,6 +124,7 @@ fn extended_and_unscented_filters_agree() {
                 accel_x: None,
                 vibration: 0.0,
                 push: 0.0,
+                turn: 0.0,
                 still: false,
             };
             if row > 0 {
@@ -207,6 +215,7 @@ fn stays_sound<const N: usize, const K: usize, const P: usize, F: Form<N, K, P>>
             accel_x: Some(y[3]),
             vibration: 0.0,
             push: 0.0,
+            turn: 0.0,
             still: *still,
         };
         observer.predict(&mut filter, *dt, &drive);

@@ -62,7 +62,7 @@ fn run<const N: usize, const K: usize, const P: usize, F: Form<N, K, P>>(name: &
                 (table.at(row, "t") - table.at(row - 1, "t"), row - 1)
             };
             let accel_x = (!irregular).then(|| table.at(held, "y4"));
-            let drive = Drive { command: command(held), accel_x, vibration: 0.0, push: 0.0, still };
+            let drive = Drive { command: command(held), accel_x, vibration: 0.0, push: 0.0, turn: 0.0, still };
             observer.predict(&mut filter, dt, &drive);
         }
         if !irregular {
@@ -72,7 +72,7 @@ fn run<const N: usize, const K: usize, const P: usize, F: Form<N, K, P>>(name: &
             }
         }
         let y = Output::from_fn(|i, _| table.at(row, &format!("y{}", i + 1)));
-        let drive = Drive { command: command(row), accel_x: None, vibration: 0.0, push: 0.0, still };
+        let drive = Drive { command: command(row), accel_x: None, vibration: 0.0, push: 0.0, turn: 0.0, still };
         let mut y = y;
         if name == "ekf_missing_full" && row % 2 == 1 {
             y[0] = f64::NAN; // the encoders deliver every other sample
@@ -155,6 +155,7 @@ fn filterpy_agrees() {
                 accel_x: None,
                 vibration: 0.0,
                 push: 0.0,
+                turn: 0.0,
                 still: false,
             };
             if row > 0 {

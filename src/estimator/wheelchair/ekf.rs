@@ -13,7 +13,7 @@ use crate::filter::ekf::{self, NotPositiveDefinite, Rows};
 use crate::filter::gaussian::Gaussian;
 use crate::filter::innovation::{Gate, Innovation};
 use crate::model::wheelchair::{Chair, Command, Output, encoder_covariance};
-use nalgebra::{Matrix3, SMatrix, SVector};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector2};
 use std::f64::consts::{PI, TAU};
 
 /// Noise of process (power spectral densities) and measurements (standard deviations), SI units.
@@ -138,6 +138,8 @@ pub struct Drive {
     pub vibration: f64,
     /// Density of the random walk of a force that nobody reports beyond its usual drift, N^2/s.
     pub push: f64,
+    /// Density of the white noise of a yaw acceleration that nobody reports beyond its usual one, rad^2/s^3.
+    pub turn: f64,
     /// The chair stands still.
     pub still: bool,
 }
@@ -296,9 +298,19 @@ impl<F> ChairEkf<F> {
                 && self.gate.deviations <= 0.0;
             rows.used[LEFT] &= !contradicted;
         }
+        self.add_turn(&mut rows, watch, dt);
         let mut done = self.correct_rows(belief, counters, &mut watch.brake, &mut rows, drive)?;
         done.sensors.rejected[LEFT] |= contradicted;
         Ok(done)
+    }
+
+    /// Adds what the accelerometer feels of a yaw acceleration that nobody reports.
+    pub(super) fn add_turn<const N: usize>(&self, rows: &mut Rows<N, 6>, watch: &Watch, dt: f64) {
+        let variance = watch.turn.variance(dt);
+        let [dx, dy, _] = self.chair.lever();
+        let lever = Vector2::new(-dy, dx);
+        let mut noise = rows.noise.fixed_view_mut::<2, 2>(ACCEL_X, ACCEL_X);
+        noise += lever * lever.transpose() * variance;
     }
 
     fn correct_rows<const N: usize, const K: usize, const P: usize>(

@@ -70,8 +70,9 @@ fn force_drift(noise: &Noise, drive: &Drive) -> f64 {
 }
 
 /// The pairs of a chair with heading and slope.
-fn chair_pairs(noise: &Noise, speed: f64) -> [(usize, usize, f64); 3] {
-    [(model::S, model::V, speed), (model::ALPHA, model::R, noise.yaw_rate), (model::XI, model::W, noise.slope_rate)]
+fn chair_pairs(noise: &Noise, drive: &Drive, speed: f64) -> [(usize, usize, f64); 3] {
+    let yaw_rate = noise.yaw_rate + drive.turn;
+    [(model::S, model::V, speed), (model::ALPHA, model::R, yaw_rate), (model::XI, model::W, noise.slope_rate)]
 }
 
 /// Adds what the noise of the pair `(slope, its rate)` does to the pair (distance, speed), `gain` times as much.
@@ -135,8 +136,16 @@ impl Form<6, 5, 3> for Basic {
     fn linearise(&self, chair: &Chair, x: &model::State, drive: &Drive) -> (model::State, SMatrix<f64, 5, 6>) {
         model::linearise(chair, x, &drive.command, drive.still)
     }
-    fn add_process_noise(&self, belief: &mut Gaussian<6>, _: &Chair, _: &Drive, noise: &Noise, speed: f64, dt: f64) {
-        add_paired_noise(&mut belief.covariance, dt, chair_pairs(noise, speed));
+    fn add_process_noise(
+        &self,
+        belief: &mut Gaussian<6>,
+        _: &Chair,
+        drive: &Drive,
+        noise: &Noise,
+        speed: f64,
+        dt: f64,
+    ) {
+        add_paired_noise(&mut belief.covariance, dt, chair_pairs(noise, drive, speed));
     }
     fn held_by_brake(&self, chair: &Chair, x: &model::State) -> Option<(SVector<f64, 5>, [f64; 2])> {
         Some(held_at(chair, x[model::ALPHA]))
@@ -189,7 +198,7 @@ impl Form<13, 5, 3> for Biased {
         dt: f64,
     ) {
         let covariance = &mut belief.covariance;
-        add_paired_noise(covariance, dt, chair_pairs(noise, speed));
+        add_paired_noise(covariance, dt, chair_pairs(noise, drive, speed));
         let force = if self.mover == Mover::Force { force_drift(noise, drive) } else { 0.0 };
         let (accel, offset) = (noise.accel_bias, noise.heading_offset);
         let drift = [noise.gyro_bias, accel, accel, accel, offset, 0.0, force];
@@ -250,7 +259,12 @@ impl Form<15, 6, 4> for GravityVector {
         dt: f64,
     ) {
         use gravity::{GX, GY, PSI, R, S, V, WP, WR};
-        let pairs = [(S, V, speed), (PSI, R, noise.yaw_rate), (GX, WP, noise.slope_rate), (GY, WR, noise.slope_rate)];
+        let pairs = [
+            (S, V, speed),
+            (PSI, R, noise.yaw_rate + drive.turn),
+            (GX, WP, noise.slope_rate),
+            (GY, WR, noise.slope_rate),
+        ];
         let covariance = &mut belief.covariance;
         add_paired_noise(covariance, dt, pairs);
         let force = if self.mover == Mover::Force { force_drift(noise, drive) } else { 0.0 };

@@ -14,7 +14,8 @@
 //!
 //! Impacts on a kerb or a ramp's edge, which none of these models has, are down-weighted (`filter.outlier_threshold`).
 //! Vibration, as on cobbles, is added to the accelerometer's noise as long as it lasts (`vibration.rs`).
-//! A force that nobody reports and that swings or sets in is followed as fast as it moves (`push.rs`).
+//! A force that nobody reports and that swings or sets in is followed as fast as it moves (`push.rs`), and so is a turn whose
+//! moment nobody reports (`turn.rs`).
 //!
 //! ## The contour line
 //! The kinds other than `gravity_vector` know the tilt of the ground across one line, that of `initial.heading`: this makes
@@ -161,6 +162,7 @@ mod push;
 mod report;
 mod rest;
 mod steps;
+mod turn;
 mod variables;
 mod vibration;
 mod watch;
@@ -175,6 +177,7 @@ pub use parameters::{
     Parameters, ProcessParameters, StandstillParameters, Zero,
 };
 pub use push::Push;
+pub use turn::Turn;
 pub use variables::{Inputs, Outputs};
 pub use vibration::Vibration;
 pub use watch::Watch;
@@ -445,22 +448,27 @@ impl Machine for ChairMachine {
         }
         self.predict(state, &sample, elapsed, still);
         self.let_brakes_hold(state, dt);
-        self.doubt_held_force(state, screened.contains(Status::HELD_INPUT) || screened.contains(Status::NEVER_SET), dt);
+        let reported = !(screened.contains(Status::HELD_INPUT) || screened.contains(Status::NEVER_SET));
+        self.doubt_held_force(state, !reported, dt);
         state.command = [inputs.drive_force, inputs.drive_moment];
         state.accel_x = Some(inputs.accel_x).filter(|a| a.is_finite());
         let gravity = self.held_acceleration(&state.belief);
-        let measurable = gravity != 0.0
-            && sample.values[HEADING].is_finite()
-            && sample.single_wheel.is_none()
-            && state.belief.heading_is_observable();
+        let turns = sample.values[HEADING].is_finite() && sample.single_wheel.is_none();
+        let measurable = turns && gravity != 0.0 && state.belief.heading_is_observable();
         let (yaw_rate, variance) = (state.belief.motion().1, state.belief.yaw_rate_variance());
         let corrected = self.correct(state, &sample, dt, still);
         if let Elapsed::Step(dt) = elapsed
             && !still
         {
             let added = state.belief.motion().1 - yaw_rate;
-            let lowered = (variance - state.belief.yaw_rate_variance()).max(self.basic.noise.yaw_rate * dt);
+            let learnt = variance - state.belief.yaw_rate_variance();
+            if turns {
+                state.watch.turn.follow(added, learnt, reported, dt);
+            }
+            let lowered = learnt.max(self.basic.noise.yaw_rate * dt);
             state.watch.follow_held(measurable.then_some((added, lowered)), gravity, dt);
+        } else {
+            state.watch.turn.interrupt();
         }
         self.settle_brake(state, dt);
         let restart = corrected.is_err() || !self.is_plausible(&state.belief);
@@ -520,7 +528,8 @@ impl Machine for ChairMachine {
         let followed = state.lateness.is_valid()
             && state.encoder_delay.is_valid()
             && state.unchanged.is_valid()
-            && state.watch.push.is_valid();
+            && state.watch.push.is_valid()
+            && state.watch.turn.is_valid();
         if followed { Ok(()) } else { Err(StateError("its motion is not that of any chair")) }
     }
 }

@@ -43,6 +43,7 @@ impl ChairMachine {
             accel_x: state.accel_x,
             vibration: state.watch.vibration.forward,
             push: state.watch.push.density(),
+            turn: state.watch.turn.density(),
             still,
         };
         self.predict(&mut state, &sample, elapsed, still);
@@ -52,7 +53,7 @@ impl ChairMachine {
             into.transition = Some(Transition { predicted: of(&state.belief), cross });
         }
         let command = self.acting(&state, [inputs.drive_force, inputs.drive_moment]);
-        let drive = Drive { command, accel_x: None, vibration: 0.0, push: 0.0, still };
+        let drive = Drive { command, accel_x: None, vibration: 0.0, push: 0.0, turn: 0.0, still };
         let State { belief, watch, .. } = &mut state;
         of_kind!(self, &*belief, |filter, belief| filter.expect(belief, (watch, dt), &sample, &drive, into));
     }
@@ -115,6 +116,7 @@ impl<F> ChairEkf<F> {
         let largest = if self.form.takes_acceleration() { LARGEST_DRIVEN } else { LARGEST };
         let gated = self.gate.deviations > 0.0;
         watch.vibration.add(&mut rows, self.noise.accel * self.noise.accel, dt, largest, gated);
+        self.add_turn(&mut rows, watch, dt);
         for (row, (channel, unit)) in CHANNELS.into_iter().enumerate() {
             let gradient = SVector::<f64, N>::from_fn(|i, _| rows.jacobian[(row, i)]);
             let variance = belief.variance_along(&gradient) + rows.noise[(row, row)];

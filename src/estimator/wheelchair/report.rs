@@ -53,6 +53,7 @@ impl ChairMachine {
             accel_x: Some(inputs.accel_x).filter(|a| a.is_finite()),
             vibration: 0.0,
             push: 0.0,
+            turn: 0.0,
             still: state.standstill.is_still() && self.parameters.filter.detect_standstill,
         };
         // outputs are reused: what only one form estimates must not stay from a state before

@@ -10,6 +10,7 @@ use super::brake::Brake;
 use super::held::Held;
 use super::outliers::ACCEL_X;
 use super::push::Push;
+use super::turn::Turn;
 use super::vibration::Vibration;
 use crate::filter::ekf::Rows;
 use crate::filter::gaussian::Gaussian;
@@ -90,6 +91,8 @@ pub struct Watch {
     pub vibration: Vibration,
     /// A force that moves and is not reported.
     pub push: Push,
+    /// A yaw acceleration that is not reported.
+    pub turn: Turn,
     /// Moment with which the chair is held without a report.
     pub held: Held,
     /// A brake that may have held the chair at the start.
@@ -184,7 +187,8 @@ impl Watch {
 
     /// Clears all doubt.
     pub fn reset(&mut self) {
-        *self = Self { vibration: self.vibration, push: self.push, time: self.time, ..Self::default() };
+        *self =
+            Self { vibration: self.vibration, push: self.push, turn: self.turn, time: self.time, ..Self::default() };
     }
 
     /// Compares a sample that came `dt` seconds after the last one with a contour line at the heading `alpha` to it. What the first
