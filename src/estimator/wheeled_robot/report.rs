@@ -1,5 +1,6 @@
 //! Outputs from the state: the estimates carried forward, and their standard deviations.
 
+use super::speed_knowledge::is_measured;
 use super::start::UNSEEN_ACCELERATION;
 use super::variables::Outputs;
 use super::{RobotMachine, State, UNREACHABLE};
@@ -13,6 +14,9 @@ use std::f64::consts::PI;
 
 /// The yaw rate among what may be late, after the four wheels' forces.
 const YAW_RATE: usize = 4;
+/// What the roll of the body, of which the accelerometer feels a part of gravity, makes of a lateral acceleration (one standard deviation):
+/// cars roll by 0.05 to 0.1 rad per g.
+const ROLL: f64 = 0.1;
 /// Time after [`HELD_BRIEFLY`] in which an input that is not sampled may become any, s.
 const FORGOTTEN: f64 = 0.5;
 
@@ -61,7 +65,14 @@ impl RobotMachine {
 
         let [vx, vy, r] = x;
         out.speed_x = Estimate::new(vx, belief.std(0).max(state.speed.std()));
-        let slides = forgotten(state.blind_for) * self.unseen_lateral_speed(vx);
+        // Where no speed is measured it is that at which the lateral acceleration goes with the yaw rate, and the sideslip that at which
+        // the tyres have its force.
+        let rolled = if is_measured(&self.parameters.filter) { 0.0 } else { ROLL };
+        let by_tires = rolled / ROLL * root_sum_square([ROLL, self.parameters.tire.rear.stiffness_std]);
+        out.speed_x.widen(rolled * vx);
+        let slip = 0.5 * (grip.slip_angle[2] + grip.slip_angle[3]);
+        let slides =
+            root_sum_square([forgotten(state.blind_for) * self.unseen_lateral_speed(vx), by_tires * slip * vx]);
         out.speed_y = Estimate::new(vy, root_sum_square([belief.std(1), slides]));
         out.yaw_rate = Estimate::new(r, root_sum_square([belief.std(2), self.unfiltered_yaw_rate_std(state, r)]));
         let square = vx * vx + vy * vy;
@@ -89,7 +100,7 @@ impl RobotMachine {
             let wheel = (&self.model.vehicle, i);
             let known = self.constants.lateral_std(&uncertain, &cross, slopes[i], &grip, wheel);
             let by_angle = if i < 2 { self.model.vehicle.ackermann(steering) * grip.stiffness[i] } else { 0.0 };
-            root_sum_square([known, unmodelled, by_angle])
+            root_sum_square([known, unmodelled, by_angle, by_tires * grip.lateral[i]])
         });
         // without torques nobody knows whether wheels pull against one another, of which the acceleration shows the sum alone
         let apart = if forces.by_torque { 0.0 } else { any };
