@@ -146,7 +146,7 @@ impl Watch {
     /// it gives.
     pub(super) fn follow_held(&mut self, added: Option<(f64, f64)>, gravity: f64, dt: f64) {
         if self.contradicts_contour() {
-            self.held = Held::default();
+            (self.held, self.turn) = (Held::default(), Turn::default());
             return;
         }
         self.held.wait(dt);

@@ -61,7 +61,8 @@
 //!   (`gyro_z_delay_std`; [`lateness`](crate::estimator::lateness)), or by as much as it shows beside the wheels
 //!   ([`relative_delay`](crate::estimator::relative_delay)), count in `yaw_rate_std`, those of the torques, 0.05 N.m
 //!   (`observer.torque_bias_std`), the delay that they show beside the accelerometer, the rolling resistance's error and what a brake
-//!   may hold at rest, in `wheel_force_x_*_std`; parallel front wheels where they may steer about one centre in `wheel_force_y_f*_std`; the mass's, 5 % (`vehicle.mass_std`), in `wheel_load_*_std`.
+//!   may hold at rest, in `wheel_force_x_*_std`; 50 ms by which a measured speed
+//!   over ground may be late (`filter.measurement_std.speed_delay`) in `speed_x_std`; parallel front wheels where they may steer about one centre in `wheel_force_y_f*_std`; the mass's, 5 % (`vehicle.mass_std`), in `wheel_load_*_std`.
 //! - Until a speed has been measured the estimates are not healthy; the first one takes the place of one that is far from it.
 //! - A gyro whose reading repeats exactly while the steering asks for another yaw rate has no samples
 //!   ([`repetition`](crate::estimator::repetition)). Wheel speeds count as noisier than declared in the forces' deviations while they are.
@@ -246,7 +247,7 @@ pub struct State {
     slip: Slip,
     unmodelled: Unmodelled,
     /// Of the wheels' longitudinal forces, and of the yaw rate.
-    lateness: Lateness<5>,
+    lateness: Lateness<6>,
     /// Of the gyro beside the wheels, and of the torques beside the accelerometer.
     gyro_delay: RelativeDelay,
     torque_delay: RelativeDelay,
@@ -426,7 +427,7 @@ impl Machine for RobotMachine {
         let left = (variance(state, 0) / speed).min(1.0);
         state.unmodelled.push(self.reach, slopes.damping(), state.belief.mean[2], left, dt);
         let [fl, fr, rl, rr] = state.forces.force;
-        state.lateness.follow([fl, fr, rl, rr, state.belief.mean[2]], dt);
+        state.lateness.follow([fl, fr, rl, rr, state.belief.mean[2], state.belief.mean[0]], dt);
         state.gyro_delay.follow(self.wheel_speed.yaw_rate(&readings), z[2], dt);
         state.torque_delay.follow(inputs.accel_x, readings.whole_torque(state.belief.mean[0]), dt);
         let [fl, fr, rl, rr] =

@@ -107,6 +107,8 @@ variables! {
         gyro_z: f64 = 0.01, "rad/s", [1e-6, 1e3], tunable, measurement_noise;
         /// Of the longitudinal speed, from the wheels or the reference; from wheels it contains their slip.
         speed: f64 = 0.05, "m/s", [1e-6, 1e3], tunable, measurement_noise;
+        /// Standard deviation of the time by which a measured speed over ground comes late, which counts in speed_x_std. Receivers of satellite navigation take 0.05 to 0.2 s.
+        speed_delay: f64 = 0.05, "s", [0.0, 1.0], tunable;
         // Not flagged as noise to be tuned: the innovations show only its sum with that of accel_y.
         /// Of the steering angle. Through the front tyres it moves the lateral acceleration that the model expects by 2 tire.front.stiffness / vehicle.mass times this, which adds to the measurement noise in squares.
         steering_angle: f64 = 0.003, "rad", [0.0, 1.0], tunable;

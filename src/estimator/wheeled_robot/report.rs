@@ -12,8 +12,9 @@ use crate::variable::{Estimate, root_sum_square};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// The yaw rate among what may be late, after the four wheels' forces.
+/// The yaw rate and the speed among what may be late, after the four wheels' forces.
 const YAW_RATE: usize = 4;
+const SPEED: usize = 5;
 /// What the roll of the body, of which the accelerometer feels a part of gravity, makes of a lateral acceleration (one standard deviation):
 /// cars roll by 0.05 to 0.1 rad per g.
 const ROLL: f64 = 0.1;
@@ -69,7 +70,9 @@ impl RobotMachine {
         // the tyres have its force.
         let rolled = if is_measured(&self.parameters.filter) { 0.0 } else { ROLL };
         let by_tires = rolled / ROLL * root_sum_square([ROLL, self.parameters.tire.rear.stiffness_std]);
-        out.speed_x.widen(rolled * vx);
+        let filter = &self.parameters.filter;
+        let late = if filter.use_speed { state.lateness.std(SPEED, filter.measurement_std.speed_delay) } else { 0.0 };
+        out.speed_x.widen(root_sum_square([rolled * vx, late]));
         let slip = 0.5 * (grip.slip_angle[2] + grip.slip_angle[3]);
         let slides =
             root_sum_square([forgotten(state.blind_for) * self.unseen_lateral_speed(vx), by_tires * slip * vx]);
