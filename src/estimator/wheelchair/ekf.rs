@@ -290,6 +290,7 @@ impl<F> ChairEkf<F> {
         let largest = if self.form.takes_acceleration() { LARGEST_DRIVEN } else { LARGEST };
         let gated = self.gate.deviations > 0.0;
         watch.vibration.add(&mut rows, self.noise.accel * self.noise.accel, dt, largest, gated);
+        self.add_turn(&mut rows, watch, dt);
         let mut contradicted = false;
         if let Some(alpha) = F::heading_to_contour(&belief.mean) {
             let moves = !drive.still && belief.mean[F::AT_REST[0]].abs() > MOVING;
@@ -298,7 +299,6 @@ impl<F> ChairEkf<F> {
                 && self.gate.deviations <= 0.0;
             rows.used[LEFT] &= !contradicted;
         }
-        self.add_turn(&mut rows, watch, dt);
         let mut done = self.correct_rows(belief, counters, &mut watch.brake, &mut rows, drive)?;
         done.sensors.rejected[LEFT] |= contradicted;
         Ok(done)
