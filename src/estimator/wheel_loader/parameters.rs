@@ -78,7 +78,7 @@ variables! {
         steering_angle: f64 = 0.01, "rad", [0.0, 1.0];
         /// Standard deviation of the time by which the speed comes later than the wheel speeds, if it does not come within a sample period of them, which is taken to be as likely. Times the acceleration it looks like slip. 0: it does not.
         speed_delay: f64 = 0.05, "s", [0.0, 1.0];
-        /// Relative standard deviation of the speed's scale, which looks like an error of both radii beyond initial.wheel_radius_std and counts in slip_stiffness_std and speed_estimate_std. In one of a hundred machines it is four times as much: where that explains the slip far better, all deviations contain what it changes. 0: it is right, or the radii were calibrated against this speed; so it is with filter.radii = fixed.
+        /// Relative standard deviation of the speed's scale, which looks like an error of both radii beyond initial.wheel_radius_std and counts in slip_stiffness_std, speed_estimate_std and wheel_radius_*_std. In one of a hundred machines it is four times as much: where that explains the slip far better, all deviations contain what it changes. 0: it is right, or the radii were calibrated against this speed; so it is with filter.radii = fixed.
         speed_scale: f64 = 0.005, "1", [0.0, 0.5];
     }
 }

@@ -52,7 +52,11 @@ impl LoaderMachine {
         out.cg_to_rear_axle = Estimate::new(out.cg_ratio.value * wheelbase, out.cg_ratio.std * wheelbase);
         let (given, radius) = (map.machine.loader.wheel_radius(), machine.loader.wheel_radius());
         let softness = self.uncertainty.radius_std(map, &unknowns);
-        let radius_std = |i: usize| root_sum_square([given[i] * belief.std(6 + i), given[i] * doubt.radius, softness]);
+        // the radii are those of the measured speed
+        let scale = if self.filter.radii { self.speed_scale_std } else { 0.0 };
+        let radius_std = |i: usize| {
+            root_sum_square([given[i] * root_sum_square([belief.std(6 + i), doubt.radius, scale]), softness])
+        };
         let radius = |i: usize| Estimate::new(radius[i], radius_std(i));
         (out.wheel_radius_front, out.wheel_radius_rear) = (radius(0), radius(1));
         out.speed_estimate = Estimate::new(motion[0], belief.std(0));
