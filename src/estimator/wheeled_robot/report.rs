@@ -68,11 +68,14 @@ impl RobotMachine {
         out.speed_x = Estimate::new(vx, belief.std(0).max(state.speed.std()));
         // Where no speed is measured it is that at which the lateral acceleration goes with the yaw rate, and the sideslip that at which
         // the tyres have its force.
-        let rolled = if is_measured(&self.parameters.filter) { 0.0 } else { ROLL };
-        let by_tires = rolled / ROLL * root_sum_square([ROLL, self.parameters.tire.rear.stiffness_std]);
         let filter = &self.parameters.filter;
+        let (by_roll, by_tires) = if is_measured(filter) {
+            (0.0, 0.0)
+        } else {
+            (ROLL, root_sum_square([ROLL, self.parameters.tire.rear.stiffness_std]))
+        };
         let late = if filter.use_speed { state.lateness.std(SPEED, filter.measurement_std.speed_delay) } else { 0.0 };
-        out.speed_x.widen(root_sum_square([rolled * vx, late]));
+        out.speed_x.widen(root_sum_square([by_roll * vx, late]));
         let slip = 0.5 * (grip.slip_angle[2] + grip.slip_angle[3]);
         let slides =
             root_sum_square([forgotten(state.blind_for) * self.unseen_lateral_speed(vx), by_tires * slip * vx]);
