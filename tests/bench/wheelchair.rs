@@ -43,7 +43,7 @@ fn predict_and_update<const N: usize, const K: usize, const P: usize, F: Form<N,
             let (travel, heading) = wheel_travel(&filter.chair, i.encoder_right, i.encoder_left);
             let y = Output::from([travel, heading, i.gyro_pitch, i.accel_x, i.accel_y, i.accel_z]);
             let command = Command::new(i.drive_force, i.drive_moment);
-            (y.into(), Drive { command, accel_x: Some(i.accel_x), vibration: 0.0, push: 0.0, turn: 0.0, still: false })
+            (y.into(), Drive { accel_x: Some(i.accel_x), ..Drive::reported(command, false) })
         })
         .collect();
     let mut mean = SVector::<f64, N>::zeros();

@@ -43,7 +43,7 @@ fn sensor_noise(noise: &Noise, chair: &model::Chair, alpha: f64) -> SMatrix<f64,
 /// Covariance of a step of 10 ms.
 fn process_noise(observer: &ChairEkf<Basic>) -> SMatrix<f64, 6, 6> {
     let mut step = Gaussian { mean: State::zeros(), covariance: SMatrix::zeros() };
-    let drive = Drive { command: Command::zeros(), accel_x: None, vibration: 0.0, push: 0.0, turn: 0.0, still: false };
+    let drive = Drive::reported(Command::zeros(), false);
     Basic.add_process_noise(&mut step, &observer.chair, &drive, &observer.noise, observer.noise.speed, 0.01);
     step.covariance
 }
@@ -68,19 +68,12 @@ fn nees_and_nis_are_those_of_a_consistent_filter() {
         for k in 0..500 {
             let command = |k: usize| Command::from(Course::Oblique.command(0.01 * k as f64, 0.0));
             if k > 0 {
-                let held = Drive {
-                    command: command(k - 1),
-                    accel_x: None,
-                    vibration: 0.0,
-                    push: 0.0,
-                    turn: 0.0,
-                    still: false,
-                };
+                let held = Drive::reported(command(k - 1), false);
                 x = runge_kutta(&x, 0.01, |x| model::derivative(&chair, x, &held.command, false));
                 x += q_root * State::from_fn(|_, _| draw());
                 observer.predict(&mut filter, 0.01, &held);
             }
-            let now = Drive { command: command(k), accel_x: None, vibration: 0.0, push: 0.0, turn: 0.0, still: false };
+            let now = Drive::reported(command(k), false);
             let r_root = sensor_noise(&observer.noise, &chair, x[model::ALPHA]).cholesky().unwrap().l();
             let y = model::output(&chair, &x, &now.command, false) + r_root * Output::from_fn(|_, _| draw());
             let update = observer.correct(&mut filter, &mut [0; 6], &Sample::from(y), &now).unwrap();
@@ -119,14 +112,7 @@ fn extended_and_unscented_filters_agree() {
         let table = vector_table(&format!("wheelchair/{file}"));
         let q = process_noise(&observer);
         for row in 0..table.rows.len() {
-            let drive = |row: usize| Drive {
-                command: Command::new(table.at(row, "u_f"), table.at(row, "u_r")),
-                accel_x: None,
-                vibration: 0.0,
-                push: 0.0,
-                turn: 0.0,
-                still: false,
-            };
+            let drive = |row: usize| Drive::reported(Command::new(table.at(row, "u_f"), table.at(row, "u_r")), false);
             if row > 0 {
                 let held = drive(row - 1);
                 observer.predict(&mut extended, 0.01, &held);
@@ -210,14 +196,7 @@ fn stays_sound<const N: usize, const K: usize, const P: usize, F: Form<N, K, P>>
     let mut filter = Gaussian::independent(mean, &SVector::repeat(0.1));
     let mut counters = [0; 6];
     for (y, force, moment, dt, still, lost) in steps {
-        let drive = Drive {
-            command: Command::new(*force, *moment),
-            accel_x: Some(y[3]),
-            vibration: 0.0,
-            push: 0.0,
-            turn: 0.0,
-            still: *still,
-        };
+        let drive = Drive { accel_x: Some(y[3]), ..Drive::reported(Command::new(*force, *moment), *still) };
         observer.predict(&mut filter, *dt, &drive);
         let y = Output::from_fn(|i, _| if lost >> i & 1 == 1 { f64::NAN } else { y[i] });
         let update = observer.correct(&mut filter, &mut counters, &y.into(), &drive);

@@ -230,8 +230,7 @@ fn an_update_without_rows_does_nothing() {
     let observer = ChairEkf { chair: p.chair(), noise: p.noise(), limits: p.limits(), gate: p.gate(), form: Basic };
     let mut filter = Gaussian::independent(State::repeat(0.1), &State::repeat(0.1));
     let before = filter;
-    let drive =
-        ekf::Drive { command: Command::zeros(), accel_x: None, vibration: 0.0, push: 0.0, turn: 0.0, still: false };
+    let drive = ekf::Drive::reported(Command::zeros(), false);
     let update = observer.correct(&mut filter, &mut [0; 6], &Output::repeat(f64::NAN).into(), &drive).unwrap();
     assert!(update.nis == 0.0 && update.dof == 0);
     assert_eq!(filter, before);
@@ -246,14 +245,7 @@ fn a_turn_of_the_heading_is_no_innovation() {
     let p = parameters(Kind::Basic);
     let observer = ChairEkf { chair: p.chair(), noise: p.noise(), limits: p.limits(), gate: p.gate(), form: Basic };
     let x = State::from([0.1, 3.1, 0.5, 0.2, 0.05, 0.0]);
-    let drive = ekf::Drive {
-        command: Command::new(30.0, 1.0),
-        accel_x: None,
-        vibration: 0.0,
-        push: 0.0,
-        turn: 0.0,
-        still: false,
-    };
+    let drive = ekf::Drive::reported(Command::new(30.0, 1.0), false);
     let mut results = vec![];
     for turns in [0.0, 1.0, -3.0] {
         let mut filter = Gaussian::independent(x, &State::repeat(0.03));

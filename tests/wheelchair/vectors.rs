@@ -62,7 +62,7 @@ fn run<const N: usize, const K: usize, const P: usize, F: Form<N, K, P>>(name: &
                 (table.at(row, "t") - table.at(row - 1, "t"), row - 1)
             };
             let accel_x = (!irregular).then(|| table.at(held, "y4"));
-            let drive = Drive { command: command(held), accel_x, vibration: 0.0, push: 0.0, turn: 0.0, still };
+            let drive = Drive { accel_x, ..Drive::reported(command(held), still) };
             observer.predict(&mut filter, dt, &drive);
         }
         if !irregular {
@@ -72,7 +72,7 @@ fn run<const N: usize, const K: usize, const P: usize, F: Form<N, K, P>>(name: &
             }
         }
         let y = Output::from_fn(|i, _| table.at(row, &format!("y{}", i + 1)));
-        let drive = Drive { command: command(row), accel_x: None, vibration: 0.0, push: 0.0, turn: 0.0, still };
+        let drive = Drive::reported(command(row), still);
         let mut y = y;
         if name == "ekf_missing_full" && row % 2 == 1 {
             y[0] = f64::NAN; // the encoders deliver every other sample
@@ -150,14 +150,7 @@ fn filterpy_agrees() {
             text.lines().skip(1).map(|l| l.split(',').collect()).filter(|l: &Vec<&str>| l[1] == log).collect();
         let mut next = expected.iter().peekable();
         for row in 0..table.rows.len() {
-            let drive = |row: usize| Drive {
-                command: Command::new(table.at(row, "u_f"), table.at(row, "u_r")),
-                accel_x: None,
-                vibration: 0.0,
-                push: 0.0,
-                turn: 0.0,
-                still: false,
-            };
+            let drive = |row: usize| Drive::reported(Command::new(table.at(row, "u_f"), table.at(row, "u_r")), false);
             if row > 0 {
                 observer.predict(&mut filter, 0.01, &drive(row - 1));
             }

@@ -144,6 +144,13 @@ pub struct Drive {
     pub still: bool,
 }
 
+impl Drive {
+    /// The command alone: no acceleration drives the chair, and nothing is known beside what is reported.
+    pub fn reported(command: Command, still: bool) -> Self {
+        Self { command, accel_x: None, vibration: 0.0, push: 0.0, turn: 0.0, still }
+    }
+}
+
 /// One measurement; NaN = missing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {

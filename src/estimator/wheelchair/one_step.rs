@@ -53,7 +53,7 @@ impl ChairMachine {
             into.transition = Some(Transition { predicted: of(&state.belief), cross });
         }
         let command = self.acting(&state, [inputs.drive_force, inputs.drive_moment]);
-        let drive = Drive { command, accel_x: None, vibration: 0.0, push: 0.0, turn: 0.0, still };
+        let drive = Drive::reported(command, still);
         let State { belief, watch, .. } = &mut state;
         of_kind!(self, &*belief, |filter, belief| filter.expect(belief, (watch, dt), &sample, &drive, into));
     }

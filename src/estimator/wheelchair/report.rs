@@ -48,14 +48,10 @@ fn estimate<const N: usize>(mean: &SVector<f64, N>, belief: &Gaussian<N>, index:
 
 impl ChairMachine {
     pub(super) fn report(&self, state: &State, inputs: &Inputs, horizon: f64, outputs: &mut Outputs) {
-        let drive = Drive {
-            command: self.acting(state, [inputs.drive_force, inputs.drive_moment]),
-            accel_x: Some(inputs.accel_x).filter(|a| a.is_finite()),
-            vibration: 0.0,
-            push: 0.0,
-            turn: 0.0,
-            still: state.standstill.is_still() && self.parameters.filter.detect_standstill,
-        };
+        let command = self.acting(state, [inputs.drive_force, inputs.drive_moment]);
+        let still = state.standstill.is_still() && self.parameters.filter.detect_standstill;
+        let accel_x = Some(inputs.accel_x).filter(|a| a.is_finite());
+        let drive = Drive { accel_x, ..Drive::reported(command, still) };
         // outputs are reused: what only one form estimates must not stay from a state before
         (outputs.moment_offset, outputs.heading_from_gravity) = (Estimate::NONE, false);
         match &state.belief {

@@ -87,14 +87,7 @@ impl ChairMachine {
         dt: f64,
         still: bool,
     ) -> Result<Outcome, NotPositiveDefinite> {
-        let drive = Drive {
-            command: self.acting(state, state.command),
-            accel_x: None,
-            vibration: 0.0,
-            push: 0.0,
-            turn: 0.0,
-            still,
-        };
+        let drive = Drive::reported(self.acting(state, state.command), still);
         // A brake that may hold since the start is known to be any.
         let followed = self.takes_force() && !still && !state.may_be_braked;
         let offset = state.belief.force_offset().filter(|_| followed);
