@@ -7,4 +7,5 @@ mod multibody;
 mod parameters;
 mod slip;
 mod steering;
+mod untold;
 mod vectors;
